@@ -10,30 +10,30 @@ use std::fmt::Write;
 const STEP_S: f64 = 0.005;
 
 /// Sensors, then joints, then `causes`; `beside`: values of a fit that swings say something of.
-pub fn text(found: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> String {
-    let mut text = sensors(found);
-    for sentence in &found.taken_out {
+pub fn text(findings: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> String {
+    let mut text = sensors(findings);
+    for sentence in &findings.taken_out {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
-    if !found.slides.is_empty() {
-        let names = found.slides.join(", ");
+    if !findings.slides.is_empty() {
+        let names = findings.slides.join(", ");
         let _ = writeln!(
             text,
             "estimates from legs in the air are only for hinges; they leave out these slides: {names}"
         );
     }
-    if !found.coupled.is_empty() {
-        let names = found.coupled.join(", ");
+    if !findings.coupled.is_empty() {
+        let names = findings.coupled.join(", ");
         let _ = writeln!(text, "estimates from legs in the air leave out these coupled joints: {names}");
     }
-    match (found.best(), &found.why_not) {
-        (Some(report), _) => joints(&mut text, found, report, beside),
+    match (findings.best(), &findings.why_not) {
+        (Some(report), _) => joints(&mut text, findings, report, beside),
         (None, Some(why)) => {
             let _ = writeln!(text, "\nlegs in the air: {why}");
         }
         (None, None) => {}
     }
-    if let Some(why) = &found.not_corrected {
+    if let Some(why) = &findings.not_corrected {
         let _ = writeln!(text, "legs in the air are not corrected by simulated walks: {why}");
     }
     if !causes.is_empty() {
@@ -59,9 +59,9 @@ fn number(estimate: Estimate, scale: f64, decimals: usize) -> String {
     format!("{:.decimals$} ± {:.decimals$}", scale * estimate.value, scale * estimate.error)
 }
 
-fn sensors(found: &SwingFindings) -> String {
+fn sensors(findings: &SwingFindings) -> String {
     let mut rows = table(&["sensors, from the logs alone", "", "unit"], &[1]);
-    let sensors = &found.sensors;
+    let sensors = &findings.sensors;
     if let Some(lag) = sensors.velocity_lag {
         rows.add_row([
             "joint velocities later than positions".to_owned(),
@@ -72,7 +72,7 @@ fn sensors(found: &SwingFindings) -> String {
     for (axis, bias) in ["x", "y", "z"].iter().zip(sensors.gyro_bias.iter().flatten()) {
         rows.add_row([format!("gyro bias, {axis}"), number(*bias, 1.0, 4), "rad/s".to_owned()]);
     }
-    for (axis, tilt) in ["roll", "pitch"].iter().zip(found.tilt().iter().flatten()) {
+    for (axis, tilt) in ["roll", "pitch"].iter().zip(findings.tilt().iter().flatten()) {
         let name = format!("orientation against standing feet, {axis}");
         rows.add_row([name, number(*tilt, 1f64.to_degrees(), 2), "°".to_owned()]);
     }
@@ -88,8 +88,8 @@ fn sensors(found: &SwingFindings) -> String {
     format!("{rows}\n")
 }
 
-fn joints(text: &mut String, found: &SwingFindings, report: &SwingReport, beside: &[Beside]) {
-    let legs = if found.corrected.is_some() {
+fn joints(text: &mut String, findings: &SwingFindings, report: &SwingReport, beside: &[Beside]) {
+    let legs = if findings.corrected.is_some() {
         "legs in the air, corrected by simulated walks"
     } else {
         "legs in the air"
@@ -125,7 +125,7 @@ fn joints(text: &mut String, found: &SwingFindings, report: &SwingReport, beside
         let _ = writeln!(text, "not in the air long enough: {}", report.unseen.join(", "));
     }
     if beside.is_empty() {
-        let _ = writeln!(text, "\n{}", prior_toml(found, report, STEP_S));
+        let _ = writeln!(text, "\n{}", prior_toml(findings, report, STEP_S));
         return;
     }
     let mut rows = table(&["parameter", "fitted", "in swings", "unit", ""], &[1, 2]);

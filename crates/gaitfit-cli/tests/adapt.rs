@@ -16,8 +16,8 @@ fn adapt(runs: &Path, more: &[&str]) -> Value {
 #[test]
 fn the_document_and_the_run_folder_are_complete() {
     let runs = tempfile::tempdir().unwrap();
-    let found = adapt(runs.path(), &["--set", "costs=[\"matcho\", \"wass\"]"]);
-    let parameters = found["parameters"].as_array().unwrap();
+    let report = adapt(runs.path(), &["--set", "costs=[\"matcho\", \"wass\"]"]);
+    let parameters = report["parameters"].as_array().unwrap();
     assert_eq!(parameters.len(), 10);
     for parameter in parameters {
         let number = |key: &str| parameter[key].as_f64().unwrap();
@@ -28,22 +28,22 @@ fn the_document_and_the_run_folder_are_complete() {
         assert!(lower <= number("value") && number("value") <= upper, "{parameter}");
         assert!(parameter["identified"].is_boolean() && parameter["truth"].is_f64(), "{parameter}");
     }
-    let cost = found["cost"].as_f64().unwrap();
-    let baselines = found["baselines"].as_array().unwrap();
+    let cost = report["cost"].as_f64().unwrap();
+    let baselines = report["baselines"].as_array().unwrap();
     assert_eq!(baselines.len(), 3);
-    assert!(baselines.iter().all(|baseline| baseline["cost"].as_f64().unwrap() > cost), "{found}");
-    let validation = &found["validation"][0];
+    assert!(baselines.iter().all(|baseline| baseline["cost"].as_f64().unwrap() > cost), "{report}");
+    let validation = &report["validation"][0];
     assert_eq!(validation["file"], "examples/go2-demo/validate.csv");
     let per_joint = validation["rmse_per_joint"].as_object().unwrap();
     assert_eq!(per_joint.len(), 12);
     let square: f64 = per_joint.values().map(|error| error.as_f64().unwrap().powi(2)).sum::<f64>() / 12.0;
     assert!((square.sqrt() - validation["rmse_rad"].as_f64().unwrap()).abs() < 1e-9);
-    assert!(found["wall_seconds"].as_f64().unwrap() > 0.0);
-    assert_eq!(found["fits"].as_array().unwrap().len(), 2);
+    assert!(report["wall_seconds"].as_f64().unwrap() > 0.0);
+    assert_eq!(report["fits"].as_array().unwrap().len(), 2);
     for key in ["parameters", "cost", "cost_name", "nominal_cost", "validation", "converged"] {
-        assert_eq!(found[key], found["fits"][0][key], "what stands at the top is the first fit's: {key}");
+        assert_eq!(report[key], report["fits"][0][key], "what stands at the top is the first fit's: {key}");
     }
-    let comparison = found["fits"][1]["comparison"].as_array().unwrap();
+    let comparison = report["fits"][1]["comparison"].as_array().unwrap();
     assert_eq!(comparison.len(), 10);
     assert!(
         comparison.iter().all(|one| (one["agrees"] == false) == one["reason"].is_string()),
@@ -60,20 +60,20 @@ fn the_document_and_the_run_folder_are_complete() {
     assert_eq!(metrics.lines().count(), 6 * 2 * 2, "generations × seeds × costs");
     let theta: toml::Table = std::fs::read_to_string(folder.join("theta.toml")).unwrap().parse().unwrap();
     let saved = theta["parameter"].as_array().unwrap();
-    for (saved, found) in saved.iter().zip(parameters) {
-        assert_eq!(saved["name"].as_str(), found["name"].as_str());
-        assert_eq!(saved["value"].as_float(), found["value"].as_f64());
-        assert_eq!(saved.get("identified").and_then(toml::Value::as_bool), found["identified"].as_bool());
+    for (saved, parameter) in saved.iter().zip(parameters) {
+        assert_eq!(saved["name"].as_str(), parameter["name"].as_str());
+        assert_eq!(saved["value"].as_float(), parameter["value"].as_f64());
+        assert_eq!(saved.get("identified").and_then(toml::Value::as_bool), parameter["identified"].as_bool());
         let ends =
             |end: usize| saved.get("interval").and_then(|ends| ends.get(end)).and_then(toml::Value::as_float);
-        assert_eq!(ends(1), found["interval"][1].as_f64());
+        assert_eq!(ends(1), parameter["interval"][1].as_f64());
     }
     let resolved: toml::Table = std::fs::read_to_string(folder.join("config.toml")).unwrap().parse().unwrap();
     assert_eq!(resolved["parameter"][1]["deviation"].as_float(), Some(0.05), "defaults are written out");
     // The resolved configuration gives the same fit.
     let resolved = folder.join("config.toml");
     let output = run(&["adapt", resolved.to_str().unwrap(), "--json"]);
-    assert_eq!(json(&output)["parameters"], found["parameters"], "{}", errors(&output));
+    assert_eq!(json(&output)["parameters"], report["parameters"], "{}", errors(&output));
     assert!(runs.path().join("go2-demo-2").is_dir(), "a new run takes a new folder");
 }
 
@@ -117,9 +117,9 @@ fn a_fit_without_the_delay_that_the_robot_has_ends_with_3_and_names_it() {
     let three = "parameter=[{kind=\"frictionloss\",upper=1.5},{kind=\"armature\"},{kind=\"damping\"}]";
     let output = run(&quick_demo(runs.path(), &["--set", three, "--set", "truth={}"]));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    let found = json(&output);
-    assert!(found["headline"].as_str().unwrap().contains("kind \"delay\""), "{}", found["headline"]);
-    let delay = &found["fits"][0]["leftover"]["suspect"]["values"][0];
+    let report = json(&output);
+    assert!(report["headline"].as_str().unwrap().contains("kind \"delay\""), "{}", report["headline"]);
+    let delay = &report["fits"][0]["leftover"]["suspect"]["values"][0];
     assert!((delay[1].as_f64().unwrap() - 0.007).abs() < 5e-4, "{delay}");
     assert!(runs.path().join("go2-demo/theta.toml").exists(), "everything is saved");
     assert!(errors(&output).contains("misfit. All results are in"), "{}", errors(&output));
@@ -154,20 +154,20 @@ fn long_shared_the_real_robots_logs_are_fitted() {
         args.extend(["--set", set]);
     }
     let output = run(&args);
-    let found = json(&output);
-    let rmse = |index: usize| found["validation"][index]["rmse_rad"].as_f64().unwrap();
-    assert!(rmse(0) < 0.02 && rmse(1) < 0.02, "{}", found["validation"]);
-    let delay = found["baselines"][2]["rmse_validation_rad"].as_f64().unwrap();
+    let report = json(&output);
+    let rmse = |index: usize| report["validation"][index]["rmse_rad"].as_f64().unwrap();
+    assert!(rmse(0) < 0.02 && rmse(1) < 0.02, "{}", report["validation"]);
+    let delay = report["baselines"][2]["rmse_validation_rad"].as_f64().unwrap();
     assert!((delay - 0.0426).abs() < 0.001, "the data's own description says 0.0426, found {delay}");
 }
 
 #[test]
 fn a_search_that_had_not_converged_says_so_first_and_fails_where_asked() {
     let runs = tempfile::tempdir().unwrap();
-    let found = adapt(runs.path(), &[]);
-    assert_eq!((&found["converged"], &found["better_than_nominal"]), (&false.into(), &true.into()));
-    assert!(found["headline"].as_str().unwrap().starts_with("Not converged: "), "{}", found["headline"]);
-    assert_eq!(found["fits"][0]["doubts"][0]["kind"], "not_converged");
+    let report = adapt(runs.path(), &[]);
+    assert_eq!((&report["converged"], &report["better_than_nominal"]), (&false.into(), &true.into()));
+    assert!(report["headline"].as_str().unwrap().starts_with("Not converged: "), "{}", report["headline"]);
+    assert_eq!(report["fits"][0]["doubts"][0]["kind"], "not_converged");
     let page = std::fs::read_to_string(runs.path().join("go2-demo/report.html")).unwrap();
     assert!(page.contains("Not converged"), "the page says it too");
 
@@ -193,20 +193,20 @@ fn a_fit_that_is_no_better_than_the_nominal_robot_says_so_first() {
     let more = ["--set", wrong, "--set", "check.better_than_nominal=true", "--set", "truth={}"];
     let output = run(&quick_demo(runs.path(), &more));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    let found = json(&output);
-    assert_eq!(found["better_than_nominal"], false);
-    assert!(found["cost"].as_f64().unwrap() > found["nominal_cost"].as_f64().unwrap());
+    let report = json(&output);
+    assert_eq!(report["better_than_nominal"], false);
+    assert!(report["cost"].as_f64().unwrap() > report["nominal_cost"].as_f64().unwrap());
     // A guess that needs no simulator is better too, which is worse still.
-    let headline = found["headline"].as_str().unwrap();
+    let headline = report["headline"].as_str().unwrap();
     assert!(
         headline.starts_with("Worse than a guess") && headline.contains("Worse than the nominal robot"),
         "{headline}"
     );
     assert_eq!(
-        (found["doubts"][0]["kind"].as_str(), found["standing"].as_str()),
+        (report["doubts"][0]["kind"].as_str(), report["standing"].as_str()),
         (Some("trivial"), Some("doubtful"))
     );
-    assert_eq!(found["checks"][0]["passed"], false);
+    assert_eq!(report["checks"][0]["passed"], false);
 }
 
 #[test]
@@ -217,11 +217,11 @@ fn shared_a_real_go2s_walks_are_explained_by_policy_and_logs_alone() {
     let mut tar = std::process::Command::new("tar");
     assert!(tar.arg("xJf").arg(&archive).arg("-C").arg(folder.path()).status().unwrap().success());
     let logs = |trial: &str| -> Vec<String> {
-        let all = std::fs::read_dir(folder.path().join("go2_walk/real")).unwrap();
-        let mut found: Vec<String> = all.map(|one| one.unwrap().path().display().to_string()).collect();
-        found.retain(|path| path.ends_with(&format!("{trial}.csv")));
-        found.sort();
-        found
+        let entries = std::fs::read_dir(folder.path().join("go2_walk/real")).unwrap();
+        let mut paths: Vec<String> = entries.map(|one| one.unwrap().path().display().to_string()).collect();
+        paths.retain(|path| path.ends_with(&format!("{trial}.csv")));
+        paths.sort();
+        paths
     };
     let config = folder.path().join("real.toml");
     let policy = folder.path().join("go2_walk/rsl_flat_noise.toml");
@@ -239,21 +239,21 @@ fn shared_a_real_go2s_walks_are_explained_by_policy_and_logs_alone() {
     let less = ["optimizer.generations=6", "simulation.starts=2", "optimizer.replicates=0"];
     let less = less.map(|set| ["--set", set]).concat();
     let output = run(&[&["adapt", config.to_str().unwrap(), "--json"], &less[..]].concat());
-    let found = json(&output);
-    let held = &found["held_out"];
+    let report = json(&output);
+    let held = &report["held_out"];
     let (cost, nominal) = (held["cost"].as_f64().unwrap(), held["nominal_cost"].as_f64().unwrap());
     assert!(cost < 0.13 && nominal > 0.3 && held["falls"] == 0, "{cost} {nominal} {}", held["falls"]);
-    let validation = found["validation"].as_array().unwrap();
+    let validation = report["validation"].as_array().unwrap();
     let nearer = |log: &&serde_json::Value| log["cost"].as_f64() < log["nominal_cost"].as_f64();
     assert_eq!(validation.iter().filter(nearer).count(), 12);
-    assert_ne!(found["standing"], "contradicted");
+    assert_ne!(report["standing"], "contradicted");
 }
 
 #[test]
 fn checks_of_costs_hold_or_fail() {
     let runs = tempfile::tempdir().unwrap();
-    let found = adapt(runs.path(), &["--set", "check.cost=10", "--set", "check.validation_cost=10"]);
-    let checks = found["checks"].as_array().unwrap();
+    let report = adapt(runs.path(), &["--set", "check.cost=10", "--set", "check.validation_cost=10"]);
+    let checks = report["checks"].as_array().unwrap();
     assert!(checks.len() == 2 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
     let output = run(&quick_demo(runs.path(), &["--set", "check.validation_cost=1e-6"]));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));

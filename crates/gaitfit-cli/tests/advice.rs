@@ -16,15 +16,15 @@ const QUICK: [&str; 6] = ["config", "doctor", "init", "inspect", "sensitivity", 
 fn lines(page: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(page).unwrap();
     let mut inside = false;
-    let mut found = Vec::new();
+    let mut lines = Vec::new();
     for line in text.lines().map(str::trim) {
         if line.starts_with("```") {
             inside = !inside && line == "```sh";
         } else if inside {
-            found.push(line.to_owned());
+            lines.push(line.to_owned());
         }
     }
-    found
+    lines
 }
 
 /// Whether the files that a line reads are in the repository.

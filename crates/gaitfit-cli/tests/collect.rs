@@ -166,8 +166,8 @@ fn a_chirp_is_written_for_programs_and_fits() {
     let expected = read_csv(&folder.path().join("chirp/expected.csv"), &ReadOptions::default()).unwrap();
     assert_eq!((expected.len(), expected.gains.as_ref().unwrap().kp[0]), (700, 25.0));
     std::fs::rename(folder.path().join("chirp/expected.csv"), folder.path().join("chirp/log.csv")).unwrap();
-    let found = json(&run(&["sensitivity", &format!("{out}/fit.toml"), "--json", "--threads", "1"]));
-    assert_eq!(found["parameters"].as_array().unwrap().len(), 10, "{found}");
+    let report = json(&run(&["sensitivity", &format!("{out}/fit.toml"), "--json", "--threads", "1"]));
+    assert_eq!(report["parameters"].as_array().unwrap().len(), 10, "{report}");
 
     // A joint whose name no log can have: before anything is simulated or made.
     let robot = std::fs::read_to_string(common::root().join("assets/go2.xml")).unwrap();
@@ -227,14 +227,14 @@ fn python_the_script_plays_the_chirp_and_stops_at_limits() {
     let runs = format!("runs={}", folder.path().display());
     let sets =
         ["--set", &runs, "--set", "optimizer.method=least-squares", "--set", "optimizer.seeds=1", "--json"];
-    let found = json(&run(&[&["adapt", &fitted, "--name", "chirp"], &sets[..]].concat()));
+    let report = json(&run(&[&["adapt", &fitted, "--name", "chirp"], &sets[..]].concat()));
     let parameter = |name: &str| {
-        let all = found["parameters"].as_array().unwrap();
-        all.iter().find(|one| one["name"] == name).unwrap()["value"].as_f64().unwrap()
+        let parameters = report["parameters"].as_array().unwrap();
+        parameters.iter().find(|one| one["name"] == name).unwrap()["value"].as_f64().unwrap()
     };
     for kind in ["hip", "thigh", "calf"] {
-        assert!((parameter(&format!("frictionloss_{kind}")) - 0.1).abs() < 0.02, "{found}");
-        assert!((parameter(&format!("armature_{kind}")) - 0.03).abs() < 0.002, "{found}");
+        assert!((parameter(&format!("frictionloss_{kind}")) - 0.1).abs() < 0.02, "{report}");
+        assert!((parameter(&format!("armature_{kind}")) - 0.03).abs() < 0.002, "{report}");
     }
     // A robot that does not do as the simulated ones did is stopped.
     let player = std::fs::read_to_string(folder.path().join("chirp/play.py")).unwrap();
@@ -264,12 +264,12 @@ fn commands_are_chosen_and_played() {
     };
     let output = choose("commands.csv", &["--threads", "1"]);
     assert!(output.status.success(), "{}", errors(&output));
-    let found = json(&output);
-    assert!(found["ratio"].as_f64().unwrap() < 1.0, "{found}");
+    let plan = json(&output);
+    assert!(plan["ratio"].as_f64().unwrap() < 1.0, "{plan}");
     // Friction and armature of three groups and the delay; two rounds of three variants.
-    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (7, &18.into()));
-    assert!(found["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
-    assert!(found["recorded_seconds"].is_null() && found["parameters"][0]["recorded"].is_null(), "{found}");
+    assert_eq!((plan["parameters"].as_array().unwrap().len(), &plan["pool"]), (7, &18.into()));
+    assert!(plan["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
+    assert!(plan["recorded_seconds"].is_null() && plan["parameters"][0]["recorded"].is_null(), "{plan}");
     let text = std::fs::read_to_string(at("commands.csv")).unwrap();
     // The same whatever the threads; others for friction alone and from another seed.
     assert!(choose("again.csv", &["--threads", "2"]).status.success());
@@ -314,7 +314,7 @@ fn commands_are_chosen_and_played() {
     let more = json(&more);
     assert!((more["recorded_seconds"].as_f64().unwrap() - 2.36).abs() < 0.1, "{more}");
     for (alone, both) in
-        found["parameters"].as_array().unwrap().iter().zip(more["parameters"].as_array().unwrap())
+        plan["parameters"].as_array().unwrap().iter().zip(more["parameters"].as_array().unwrap())
     {
         let of = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
         let (recorded, chosen) = (of(both, "recorded"), of(both, "chosen"));

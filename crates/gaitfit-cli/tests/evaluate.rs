@@ -42,16 +42,19 @@ fn a_standing_policy_neither_falls_nor_follows() {
         document
     };
     let measure = |more: &[&str]| measure_with("0", more);
-    let found = measure_with("2", &["--threads", "1", "--report", &page, "--replay", &replay]);
-    assert_eq!(found["trajectories"], 8);
-    assert_eq!(found["fall_rate"]["mean"], 0.0);
+    let evaluation = measure_with("2", &["--threads", "1", "--report", &page, "--replay", &replay]);
+    assert_eq!(evaluation["trajectories"], 8);
+    assert_eq!(evaluation["fall_rate"]["mean"], 0.0);
     for key in ["reward", "linear_velocity_error", "angular_velocity_error", "fall_rate"] {
-        assert!(found[key]["mean"].is_f64() && found[key]["ci95"].as_f64().unwrap() > 0.0, "{key}: {found}");
+        assert!(
+            evaluation[key]["mean"].is_f64() && evaluation[key]["ci95"].as_f64().unwrap() > 0.0,
+            "{key}: {evaluation}"
+        );
     }
     // Commands of ±1 m/s along two axes: 0.765 m/s on average.
-    let error = found["linear_velocity_error"]["mean"].as_f64().unwrap();
+    let error = evaluation["linear_velocity_error"]["mean"].as_f64().unwrap();
     assert!((0.4..1.1).contains(&error), "{error}");
-    let drift = found["drift"].as_array().unwrap();
+    let drift = evaluation["drift"].as_array().unwrap();
     assert_eq!(drift.len(), 7);
     for trial in drift {
         // It settles by centimetres.
@@ -61,16 +64,16 @@ fn a_standing_policy_neither_falls_nor_follows() {
             assert!((mean - wanted).abs() < 0.05, "{}, {key}: {mean}, not {wanted}", trial["name"]);
         }
     }
-    assert_eq!(found["gait"]["step_frequency"], 0.0);
+    assert_eq!(evaluation["gait"]["step_frequency"], 0.0);
     for file in [&page, &replay] {
         let html = std::fs::read_to_string(file).unwrap();
         assert!(html.trim_start().to_lowercase().starts_with("<!doctype html>"), "{file}");
     }
-    assert_eq!(measure_with("2", &["--threads", "2"]), found, "threads change results");
-    assert!(measure(&["--seed", "7"])["reward"] != found["reward"]);
+    assert_eq!(measure_with("2", &["--threads", "2"]), evaluation, "threads change results");
+    assert!(measure(&["--seed", "7"])["reward"] != evaluation["reward"]);
     // A spring that is stiffer than the motors bends the leg it is on.
     let sprung = measure(&["--spring", "RR_calf_joint=75@-2.2"]);
-    assert!(sprung["gait"]["torque"].as_f64().unwrap() > found["gait"]["torque"].as_f64().unwrap());
+    assert!(sprung["gait"]["torque"].as_f64().unwrap() > evaluation["gait"]["torque"].as_f64().unwrap());
     assert!(sprung["simulator"].as_str().unwrap().contains("spring 75"), "{sprung}");
 }
 
@@ -99,11 +102,14 @@ fn robots_that_diverge_are_said_first_and_end_with_3() {
     assert!(std::fs::read_to_string(&page).unwrap().contains("Diverged"));
     let output = run(&shared.iter().copied().chain(["--json"]).collect::<Vec<_>>());
     assert_eq!(output.status.code(), Some(3));
-    let found = json(&output);
-    assert_eq!((&found["diverged"], &found["fall_rate"]["mean"]), (&4.into(), &1.0.into()));
-    assert!(found["verdict"].as_str().unwrap().contains("diverge"), "{found}");
+    let evaluation = json(&output);
+    assert_eq!((&evaluation["diverged"], &evaluation["fall_rate"]["mean"]), (&4.into(), &1.0.into()));
+    assert!(evaluation["verdict"].as_str().unwrap().contains("diverge"), "{evaluation}");
     for key in ["reward", "linear_velocity_error", "action_rate"] {
-        assert!(found[key]["mean"].is_null() && found[key]["ci95"].is_null(), "{key}: {found}");
+        assert!(
+            evaluation[key]["mean"].is_null() && evaluation[key]["ci95"].is_null(),
+            "{key}: {evaluation}"
+        );
     }
 }
 
@@ -120,9 +126,9 @@ fn a_policy_that_stands_on_joints_in_a_wrong_order_is_put_right() {
     std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();
     let output =
         run(&["evaluate", path.to_str().unwrap(), "--trajectories", "16", "--seconds", "3", "--json"]);
-    let found = json(&output);
-    assert!(found["fall_rate"]["mean"].as_f64().unwrap() < 0.5, "{found}");
-    let setting = found["diagnosis"]["settings"][0].as_str().unwrap();
+    let evaluation = json(&output);
+    assert!(evaluation["fall_rate"]["mean"].as_f64().unwrap() < 0.5, "{evaluation}");
+    let setting = evaluation["diagnosis"]["settings"][0].as_str().unwrap();
     let listed: Vec<String> = own.iter().map(|name| format!("{name:?}")).collect();
     assert!(setting.starts_with(&format!("`joints = [{}]`", listed.join(", "))), "{setting}");
 }

@@ -12,15 +12,15 @@ fn a_policy_trained_elsewhere_becomes_files_that_are_read_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (onnx, weights) = (path("a.onnx"), path("a.safetensors"));
-    let found = json(&run(&["export", FOREIGN, "--onnx", &onnx, "--safetensors", &weights, "--json"]));
-    assert_eq!(found["actor"]["layers"], serde_json::json!([45, 16, 8, 12]));
-    assert_eq!(found["written"], serde_json::json!([onnx, weights]));
-    assert_eq!(found["joints"][1]["name"], "FR_hip_joint");
-    assert_eq!(found["observation"][4]["start"], 21);
+    let document = json(&run(&["export", FOREIGN, "--onnx", &onnx, "--safetensors", &weights, "--json"]));
+    assert_eq!(document["actor"]["layers"], serde_json::json!([45, 16, 8, 12]));
+    assert_eq!(document["written"], serde_json::json!([onnx, weights]));
+    assert_eq!(document["joints"][1]["name"], "FR_hip_joint");
+    assert_eq!(document["observation"][4]["start"], 21);
     for file in [&onnx, &weights] {
         let again = json(&run(&["export", file, "--json"]));
         for key in ["actor", "observation", "joints", "control_dt"] {
-            assert_eq!(again[key], found[key], "{key} of {file}");
+            assert_eq!(again[key], document[key], "{key} of {file}");
         }
     }
     let text = String::from_utf8(run(&["export", &weights]).stdout).unwrap();
@@ -73,19 +73,19 @@ fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
     let path = |name: &str| folder.path().join(name).display().to_string();
     let (bundle, cpp) = (path("new/bundle"), path("cpp"));
     let walk = "assets/go2-walk.safetensors";
-    let found = json(&run(&["export", walk, "--bundle", &bundle, "--cpp", &cpp, "--json"]));
+    let document = json(&run(&["export", walk, "--bundle", &bundle, "--cpp", &cpp, "--json"]));
     let names = ["exported/policy.onnx", "controller.yaml", "params/deploy.yaml"]
         .map(|name| format!("{bundle}/{name}"));
-    let written: Vec<String> = serde_json::from_value(found["written"].clone()).unwrap();
+    let written: Vec<String> = serde_json::from_value(document["written"].clone()).unwrap();
     assert_eq!(written, [&names[..], &[format!("{cpp}/policy.hpp"), format!("{cpp}/example.cpp")]].concat());
     // The built-in Go2 gives its effort limits to its own policy.
     let yaml = std::fs::read_to_string(&names[1]).unwrap();
     assert!(yaml.contains("effort_limit: [23.7, 23.7, 45.43,"), "{yaml}");
-    let not_said: Vec<String> = serde_json::from_value(found["not_said"].clone()).unwrap();
+    let not_said: Vec<String> = serde_json::from_value(document["not_said"].clone()).unwrap();
     assert!(not_said.iter().any(|line| line.contains("Unitree's SDK")), "{not_said:?}");
     let again = json(&run(&["export", &names[0], "--json"]));
     for key in ["observation", "joints", "control_dt"] {
-        assert_eq!(again[key], found[key], "{key}");
+        assert_eq!(again[key], document[key], "{key}");
     }
     // What is there stays, and says so.
     std::fs::write(&names[2], "mine").unwrap();
@@ -152,8 +152,8 @@ fn recordings_become_logs_and_logs_become_recordings() {
         assert!(text.contains(word), "`{word}` is not in:\n{text}");
     }
     assert!(run(&["export-log", &log, "--out", &mcap]).status.success());
-    let found = json(&run(&["import", &mcap, "--out", &again, "--json"]));
-    assert_eq!((&found["samples"], &found["rate_hz"]), (&40.into(), &200.0.into()));
+    let report = json(&run(&["import", &mcap, "--out", &again, "--json"]));
+    assert_eq!((&report["samples"], &report["rate_hz"]), (&40.into(), &200.0.into()));
     let body = |path: &str| std::fs::read_to_string(path).unwrap();
     assert_eq!(body(&log), body(&again));
 
@@ -161,8 +161,8 @@ fn recordings_become_logs_and_logs_become_recordings() {
     let output = run(&["import", &pace, "--out", &log]);
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
     assert!(errors(&output).contains("joints = [...]"));
-    let found = json(&run(&["import", &pace, "--robot", "assets/go2.xml", "--out", &log, "--json"]));
-    assert_eq!(found["joints"].as_array().unwrap().len(), 12);
+    let report = json(&run(&["import", &pace, "--robot", "assets/go2.xml", "--out", &log, "--json"]));
+    assert_eq!(report["joints"].as_array().unwrap().len(), 12);
     let odd = format!("{fixtures}/odd.csv");
     let mapping = format!("{fixtures}/odd.toml");
     assert!(run(&["import", &odd, "--mapping", &mapping, "--out", &log]).status.success());

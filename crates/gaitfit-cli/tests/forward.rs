@@ -67,9 +67,9 @@ fn a_fall_through_the_air_is_what_physics_says() {
     save(&input, &states());
     let done = run(&["forward", "assets/go2.xml", input.to_str().unwrap(), output.to_str().unwrap()]);
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
-    let found = load(&output);
+    let arrays = load(&output);
     let shapes: Vec<(&str, &[u64])> =
-        found.iter().map(|(name, (shape, _))| (name.as_str(), &shape[..])).collect();
+        arrays.iter().map(|(name, (shape, _))| (name.as_str(), &shape[..])).collect();
     let expected: [(&str, &[u64]); 5] = [
         ("M", &[2, 18, 18]),
         ("next_qpos", &[2, 19]),
@@ -78,7 +78,7 @@ fn a_fall_through_the_air_is_what_physics_says() {
         ("qfrc_bias", &[2, 18]),
     ];
     assert_eq!(shapes, expected);
-    let mass = &found["M"].1;
+    let mass = &arrays["M"].1;
     for i in 0..18 {
         for j in 0..18 {
             assert!((mass[18 * i + j] - mass[18 * j + i]).abs() < 1e-12);
@@ -86,12 +86,12 @@ fn a_fall_through_the_air_is_what_physics_says() {
     }
     assert!((mass[0] - 15.206).abs() < 1e-3, "the linear block is the robot's mass");
     // A robot at rest in the air falls with g and does nothing else.
-    let qacc = &found["qacc"].1[..18];
+    let qacc = &arrays["qacc"].1[..18];
     for (index, value) in qacc.iter().enumerate() {
         let expected = if index == 2 { -9.81 } else { 0.0 };
         assert!((value - expected).abs() < 1e-9, "qacc[{index}] = {value}");
     }
-    assert!((found["qfrc_bias"].1[2] - mass[0] * 9.81).abs() < 1e-9);
+    assert!((arrays["qfrc_bias"].1[2] - mass[0] * 9.81).abs() < 1e-9);
 }
 
 #[test]

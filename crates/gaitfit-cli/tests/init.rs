@@ -26,8 +26,8 @@ fn number(table: &Table, path: &str) -> f64 {
     value.and_then(toml::Value::as_float).unwrap_or_else(|| panic!("no number {path}: {table}"))
 }
 
-fn close(found: f64, wanted: f64, share: f64) {
-    assert!((found - wanted).abs() <= share * wanted.abs(), "{found}, not {wanted}");
+fn close(value: f64, wanted: f64, share: f64) {
+    assert!((value - wanted).abs() <= share * wanted.abs(), "{value}, not {wanted}");
 }
 
 /// Trains a little, and returns the folder of the run.
@@ -47,7 +47,7 @@ const TINY: [&str; 4] =
 #[test]
 fn of_the_go2_it_finds_about_the_built_in_task() {
     let folder = tempfile::tempdir().unwrap();
-    let (found, printed) = init(&root().join("assets/go2.xml"), folder.path(), &[]);
+    let (settings, printed) = init(&root().join("assets/go2.xml"), folder.path(), &[]);
     // Its file lets own parts touch: that is a choice, and off.
     let text = std::fs::read_to_string(folder.path().join("robot.toml")).unwrap();
     assert!(text.contains("\n# self_contact = \"file\""), "{text}");
@@ -56,7 +56,7 @@ fn of_the_go2_it_finds_about_the_built_in_task() {
         toml::from_str(std::str::from_utf8(&output.stdout).unwrap()).unwrap()
     };
     for key in ["feet", "gait"] {
-        assert_eq!(found["task"][key], built_in["task"][key], "{key}");
+        assert_eq!(settings["task"][key], built_in["task"][key], "{key}");
     }
     for (path, share) in [
         ("task.height", 0.1),
@@ -69,16 +69,16 @@ fn of_the_go2_it_finds_about_the_built_in_task() {
         ("task.rewards.vertical_velocity", 0.1),
         ("task.rewards.action_rate", 0.05),
     ] {
-        close(number(&found, path), number(&built_in, path), share);
+        close(number(&settings, path), number(&built_in, path), share);
     }
-    let table = |name: &str| found["task"]["policy"][name].as_table().unwrap().clone();
+    let table = |name: &str| settings["task"]["policy"][name].as_table().unwrap().clone();
     close(number(&table("kp"), "*"), 25.0, 0.1);
     close(number(&table("kd"), "*"), 0.5, 0.1);
     assert_eq!((table("action_scale").len(), number(&table("action_scale"), "*")), (1, 0.25));
     let pose = table("default_pose");
     assert_eq!((pose.len(), number(&pose, "FL_hip_joint"), number(&pose, "RR_calf_joint")), (12, 0.1, -1.5));
-    assert_eq!(found["task"]["fall"]["contacts"].to_string(), r#"["trunk", "head", "chin"]"#);
-    assert!(found["task"]["policy"].get("joints").is_none(), "all joints are the legs'");
+    assert_eq!(settings["task"]["fall"]["contacts"].to_string(), r#"["trunk", "head", "chin"]"#);
+    assert!(settings["task"]["policy"].get("joints").is_none(), "all joints are the legs'");
     let guesses = printed["guesses"].as_array().unwrap();
     assert!(guesses.iter().any(|guess| guess["found"].as_str().unwrap().contains("trot")), "{printed}");
     train(&folder.path().join("robot.toml"), folder.path(), &TINY);
@@ -95,8 +95,8 @@ fn a_robot_with_elliptic_cones_trains_with_pyramids() {
         text.replace("cone=\"pyramidal\" impratio=\"1\"", "cone=\"elliptic\" impratio=\"100\""),
     )
     .unwrap();
-    let (found, printed) = init(&file, folder.path(), &[]);
-    assert_eq!(found["cone"].as_str(), Some("pyramidal"));
+    let (settings, printed) = init(&file, folder.path(), &[]);
+    assert_eq!(settings["cone"].as_str(), Some("pyramidal"));
     assert!(printed["guesses"].to_string().contains("pyramidal"), "{printed}");
     let configuration = folder.path().join("robot.toml");
     let reward = |more: &[&str]| {
@@ -119,8 +119,8 @@ fn names_with_quotes_are_written() {
         text.replace("FL_hip_joint", "FL&quot;hip'\\joint").replace("model=\"go2\"", "model=\"q\""),
     )
     .unwrap();
-    let (found, _) = init(&file, folder.path(), &[]);
-    let pose = found["task"]["policy"]["default_pose"].as_table().unwrap();
+    let (settings, _) = init(&file, folder.path(), &[]);
+    let pose = settings["task"]["policy"]["default_pose"].as_table().unwrap();
     assert!(pose.contains_key("FL\"hip'\\joint"), "{pose:?}");
     train(&folder.path().join("robot.toml"), folder.path(), &TINY);
 }
@@ -146,14 +146,14 @@ fn stranger(folder: &Path) -> PathBuf {
 fn a_stranger_without_a_keyframe_gets_a_stance_and_trains() {
     let folder = tempfile::tempdir().unwrap();
     let robot = stranger(folder.path());
-    let (found, _) = init(&robot, folder.path(), &[]);
-    let pose = found["task"]["policy"]["default_pose"].as_table().unwrap();
+    let (settings, _) = init(&robot, folder.path(), &[]);
+    let pose = settings["task"]["policy"]["default_pose"].as_table().unwrap();
     for leg in ["FL", "FR", "RL", "RR"] {
         let (upper, lower) = (number(pose, &format!("{leg}_upper")), number(pose, &format!("{leg}_lower")));
         assert!((0.3..1.2).contains(&upper) && (-2.4..-0.8).contains(&lower), "{leg}: {upper}, {lower}");
     }
-    close(number(&found, "task.height"), 0.36, 0.15);
-    assert_eq!(found["task"]["gait"].to_string(), r#"[["FL_foot", "RR_foot"], ["FR_foot", "RL_foot"]]"#);
+    close(number(&settings, "task.height"), 0.36, 0.15);
+    assert_eq!(settings["task"]["gait"].to_string(), r#"[["FL_foot", "RR_foot"], ["FR_foot", "RL_foot"]]"#);
     let report = train(&folder.path().join("robot.toml"), folder.path(), &TINY);
     assert!(report["seeds"][0]["iterations"] == 1, "{report}");
 
@@ -274,11 +274,14 @@ fn a_file_that_does_not_read_is_mended_into_a_file_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
     let robot = coupled(folder.path());
     let before = std::fs::read(&robot).unwrap();
-    let (found, printed) = init(&robot, folder.path(), &[]);
+    let (settings, printed) = init(&robot, folder.path(), &[]);
     // Beside the robot's own file, which has the name that it would get.
     let mended = folder.path().join("robot-mended.xml");
     assert_eq!((std::fs::read(&robot).unwrap(), printed["robot_file"].as_str()), (before, mended.to_str()));
-    assert!(found["robot"].as_str().unwrap().ends_with("robot-mended.xml") && found.get("lenient").is_none());
+    assert!(
+        settings["robot"].as_str().unwrap().ends_with("robot-mended.xml")
+            && settings.get("lenient").is_none()
+    );
     let said = printed["guesses"].to_string();
     for words in ["joint \\\"right\\\": it follows \\\"left\\\"", "it is locked", "mesh"] {
         assert!(said.contains(words), "{words}: {said}");
@@ -343,7 +346,7 @@ fn further(minutes: &str) -> (tempfile::TempDir, std::process::Output, Vec<serde
 fn the_best_guess_is_trained_further() {
     // A busy machine may need more time for the first three trainings.
     let (folder, output, trainings) =
-        ["0.3", "2", "8"].into_iter().map(further).find(|found| found.2.len() > 3).unwrap();
+        ["0.3", "2", "8"].into_iter().map(further).find(|guess| guess.2.len() > 3).unwrap();
     let out = folder.path().join("walk.toml");
     let guess = |training: &serde_json::Value| training["guess"].as_u64().unwrap();
     let guesses: Vec<u64> = trainings.iter().map(guess).collect();
@@ -415,8 +418,8 @@ const ROBOTS: [(&str, usize, usize); 9] = [
 fn shared_robots_of_other_projects_get_a_task_that_trains() {
     for (name, feet, joints) in ROBOTS {
         let folder = tempfile::tempdir().unwrap();
-        let (found, printed) = init(&shared(name), folder.path(), &["--lenient"]);
-        let task = &found["task"];
+        let (settings, printed) = init(&shared(name), folder.path(), &["--lenient"]);
+        let task = &settings["task"];
         assert_eq!(task["feet"].as_array().unwrap().len(), feet, "{name}: {printed}");
         let groups = task["gait"].as_array().unwrap();
         assert!(

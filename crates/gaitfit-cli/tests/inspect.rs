@@ -7,9 +7,9 @@ use common::{errors, json, root, run};
 
 #[test]
 fn a_robot_shows_masses_joints_limits_and_contacts() {
-    let found = json(&run(&["inspect", "assets/go2.xml", "--json"]));
-    assert!((found["total_mass"].as_f64().unwrap() - 15.206).abs() < 1e-3);
-    let joints = found["joints"].as_array().unwrap();
+    let robot = json(&run(&["inspect", "assets/go2.xml", "--json"]));
+    assert!((robot["total_mass"].as_f64().unwrap() - 15.206).abs() < 1e-3);
+    let joints = robot["joints"].as_array().unwrap();
     assert_eq!(joints.len(), 12);
     let calf = joints.iter().find(|joint| joint["name"].as_str().unwrap().starts_with("FL_calf")).unwrap();
     assert_eq!((calf["effort"].as_f64(), calf["velocity_limit"].as_f64()), (Some(45.43), Some(15.7)));
@@ -63,8 +63,8 @@ fn walks_show_joints_and_sensors_without_a_simulation() {
     for word in ["joint velocities later than positions", "legs in the air", "delay of targets", "[prior]"] {
         assert!(text.contains(word), "`{word}` is not in:\n{text}");
     }
-    let found = json(&run(&["inspect", logs, "--robot", "assets/go2.xml", "--json"]));
-    let groups = found["without_simulation"]["swings"]["groups"].as_array().unwrap();
+    let report = json(&run(&["inspect", logs, "--robot", "assets/go2.xml", "--json"]));
+    let groups = report["without_simulation"]["swings"]["groups"].as_array().unwrap();
     let armature = groups[0]["armature"]["value"].as_f64().unwrap();
     assert!(groups.len() == 3 && (armature - 0.02).abs() < 0.003, "{groups:?}");
     let alone = json(&run(&["inspect", logs, "--json"]));
@@ -116,9 +116,9 @@ fn effects_are_compared_with_simulated_robots_if_the_policy_is_given() {
             "--json",
         ])
     };
-    let found = json(&explain(folder.path().to_str().unwrap()));
-    assert_eq!(found["causes"][0]["kind"], "odd_spring", "{}", found["causes"]);
-    let effects = found["without_simulation"]["effects"].as_array().unwrap();
+    let explanation = json(&explain(folder.path().to_str().unwrap()));
+    assert_eq!(explanation["causes"][0]["kind"], "odd_spring", "{}", explanation["causes"]);
+    let effects = explanation["without_simulation"]["effects"].as_array().unwrap();
     let compared: Vec<&str> = effects
         .iter()
         .filter(|effect| effect["without"]["error"].as_f64().is_some_and(|error| error > 0.0))
@@ -149,8 +149,8 @@ fn shared_a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
     let folder = root().join("../shared/data/go2_ground");
     let inspect = |name: &str| run(&["inspect".as_ref(), folder.join(name).as_os_str(), "--json".as_ref()]);
     let kinds = |output: &std::process::Output| {
-        let found = json(output);
-        let findings = found["findings"].as_array().unwrap().clone();
+        let report = json(output);
+        let findings = report["findings"].as_array().unwrap().clone();
         let errors = findings.into_iter().filter(|finding| finding["severity"] == "error");
         errors.map(|finding| finding["kind"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
     };
@@ -187,7 +187,7 @@ fn a_folder_of_logs_shows_what_they_share() {
     }
     let output = run(&["inspect".as_ref(), folder.path().as_os_str(), "--json".as_ref()]);
     assert_eq!(output.status.code(), Some(3));
-    let found = json(&output);
-    assert!(found["logs"][1]["unreadable"].as_str().unwrap().contains("cut short"), "{found}");
-    assert_eq!(found["logs"][0]["log"]["samples"], 50);
+    let report = json(&output);
+    assert!(report["logs"][1]["unreadable"].as_str().unwrap().contains("cut short"), "{report}");
+    assert_eq!(report["logs"][0]["log"]["samples"], 50);
 }

@@ -67,11 +67,11 @@ fn a_robot_that_may_be_missing_is_asked_once() {
 
 /// A target whose measurement is what is given.
 fn evaluating(trajectories: usize, error: f64, falls: &str) -> String {
-    let found = format!(
+    let evaluation = format!(
         r#"{{"trajectories": {trajectories}, "linear_velocity_error": {{"mean": {error}, "ci95": null}},
             "angular_velocity_error": {{"mean": 0.1, "ci95": 0.01}}, "fall_rate": {{"mean": {falls}, "ci95": 0.0}}}}"#
     );
-    format!("collect = [\"true\", \"{{folder}}\"]\nevaluate = [\"echo\", '''{found}''']")
+    format!("collect = [\"true\", \"{{folder}}\"]\nevaluate = [\"echo\", '''{evaluation}''']")
 }
 
 #[test]

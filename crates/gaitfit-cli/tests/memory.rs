@@ -50,10 +50,10 @@ fn a_policy_with_a_memory_goes_through_all_commands() {
     let onnx = whole.join("p.onnx").display().to_string();
     done(&words(&format!("export {path} --json --onnx {onnx}")));
     let few = "--device cpu --trajectories 4 --seconds 1 --json";
-    let found = done(&words(&format!("evaluate {path} {few}")));
+    let evaluation = done(&words(&format!("evaluate {path} {few}")));
     let of_onnx = done(&words(&format!("evaluate {onnx} {few}")));
-    assert!(found["reward"].is_number() || found.is_object());
-    assert_eq!(found["trajectories"], of_onnx["trajectories"]);
+    assert!(evaluation["reward"].is_number() || evaluation.is_object());
+    assert_eq!(evaluation["trajectories"], of_onnx["trajectories"]);
 
     let iterations = ["train.iterations=1", "ppo.critic_warmup=0"];
     // With the policy's critic, and from ONNX with a new one.

@@ -171,13 +171,13 @@ fn a_policy_with_a_motion_is_evaluated_collected_from_and_fitted_with() {
     let fit = |more: &[&str]| {
         run(&[&["adapt", at("fit.toml").as_str(), "--json", "--device", "cpu"], more].concat())
     };
-    let found = fit(&[]);
-    assert!(matches!(found.status.code(), Some(0 | 3)), "{}", errors(&found));
-    let found = json(&found);
-    let value = found["parameters"][0]["value"].as_f64().unwrap();
+    let output = fit(&[]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let report = json(&output);
+    let value = report["parameters"][0]["value"].as_f64().unwrap();
     assert!((value - FRICTION).abs() < 0.1 * FRICTION, "{value}");
     // Its actions are the policy's at every sample: place in the motion, heading and encoders are as they were.
-    let warnings = found["warnings"].to_string();
+    let warnings = report["warnings"].to_string();
     assert!(!warnings.contains("do not cover"), "it observes no command: {warnings}");
     assert!(!warnings.contains("action") && !warnings.contains("motion_time"), "{warnings}");
 

@@ -33,16 +33,16 @@ fn walks(folder: &Path, springs: &[&str], cost: &str) -> String {
 fn long_a_spring_with_any_rest_angle_is_found_on_its_joint() {
     let folder = tempfile::tempdir().unwrap();
     let path = walks(folder.path(), &["RR_calf_joint=40@-1.2"], "matchr1");
-    let found = run(&["adapt", &path, "--json"]);
-    assert!(matches!(found.status.code(), Some(0 | 3)), "{}", errors(&found));
-    let found = json(&found);
-    assert_eq!(found["odd_joints"]["odd"], serde_json::json!(["RR_calf_joint"]), "{}", found["odd_joints"]);
-    let spring = &found["springs"][0];
+    let output = run(&["adapt", &path, "--json"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let report = json(&output);
+    assert_eq!(report["odd_joints"]["odd"], serde_json::json!(["RR_calf_joint"]), "{}", report["odd_joints"]);
+    let spring = &report["springs"][0];
     assert!((spring["stiffness"].as_f64().unwrap() / 40.0 - 1.0).abs() < 0.05, "{spring}");
     assert!((spring["rest"].as_f64().unwrap() + 1.2).abs() < 0.05, "{spring}");
-    assert_eq!(found["springs"].as_array().unwrap().len(), 1);
+    assert_eq!(report["springs"].as_array().unwrap().len(), 1);
     let names: Vec<&str> =
-        found["parameters"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
+        report["parameters"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
     assert!(names.ends_with(&["stiffness_RR_calf", "spring_torque_RR_calf"]), "{names:?}");
     // The finished folder says the same, in words.
     let again = run(&["adapt", &path, "--resume"]);
@@ -60,11 +60,11 @@ fn long_a_spring_with_any_rest_angle_is_found_on_its_joint() {
 fn a_healthy_robot_has_none() {
     let folder = tempfile::tempdir().unwrap();
     let path = walks(folder.path(), &[], "matchr1");
-    let found = run(&["adapt", &path, "--set", "optimizer.population=20"]);
-    assert!(matches!(found.status.code(), Some(0 | 3)), "{}", errors(&found));
-    let text = String::from_utf8(found.stdout.clone()).unwrap();
+    let output = run(&["adapt", &path, "--set", "optimizer.population=20"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(text.contains("no joint differs from its siblings") && !text.contains("stiffness"), "{text}");
-    let said = format!("{text}{}", errors(&found));
+    let said = format!("{text}{}", errors(&output));
     assert!(said.contains("least squares, which ignores optimizer.population"), "{said}");
 }
 

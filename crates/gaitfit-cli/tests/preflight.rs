@@ -38,13 +38,13 @@ fn a_simulated_robot_is_checked_on_the_clock_and_a_fit_takes_what_was_written() 
     let out = folder.path().join("hung").display().to_string();
     let base = ["preflight", "--robot", "simulated", "--out", &out, "--seconds", "2"];
     let output = run(&[&base[..], &["--move", "--yes", "--patience", "1000", "--json"]].concat());
-    let found = json(&output);
+    let report = json(&output);
     // A machine that stands still for longer than a robot's patience is seen, and nothing else.
-    let findings = found["findings"].as_array().unwrap();
+    let findings = report["findings"].as_array().unwrap();
     assert!(findings.iter().all(|one| one["check"] == "gaps"), "{findings:?}");
     assert!(output.status.success(), "{}", errors(&output));
-    assert_eq!(found["moved"]["reason"], serde_json::Value::Null);
-    assert_eq!(found["moved"]["joints"].as_array().unwrap().len(), 12);
+    assert_eq!(report["moved"]["reason"], serde_json::Value::Null);
+    assert_eq!(report["moved"]["joints"].as_array().unwrap().len(), 12);
     for name in ["preflight.json", "preflight.toml", "motion.csv", "listening/listening.csv"] {
         assert!(folder.path().join("hung").join(name).is_file(), "{name}");
     }

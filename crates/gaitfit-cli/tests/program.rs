@@ -134,15 +134,15 @@ fn printed_settings_are_a_configuration_to_start_from() {
 
 #[test]
 fn doctor_tells_the_machine() {
-    let found = json(&run(&["doctor", "--json"]));
-    assert!(found["threads"].as_u64().unwrap() >= 1);
-    assert!(["avx512", "avx2", "portable"].contains(&found["engine"].as_str().unwrap()), "{found}");
+    let machine = json(&run(&["doctor", "--json"]));
+    assert!(machine["threads"].as_u64().unwrap() >= 1);
+    assert!(["avx512", "avx2", "portable"].contains(&machine["engine"].as_str().unwrap()), "{machine}");
     // Either there is all that a GPU needs, or what is missing is said.
-    let cuda = &found["cuda"];
+    let cuda = &machine["cuda"];
     let complete = !cuda["gpus"].as_array().unwrap().is_empty() && cuda["nvrtc"].is_string();
-    assert_eq!(complete, cuda["problems"].as_array().unwrap().is_empty(), "{found}");
+    assert_eq!(complete, cuda["problems"].as_array().unwrap().is_empty(), "{machine}");
     // What commands take without --device.
-    assert_eq!(found["device"].as_str().unwrap() == "cpu", !complete, "{found}");
+    assert_eq!(machine["device"].as_str().unwrap() == "cpu", !complete, "{machine}");
 }
 
 #[test]
@@ -152,10 +152,10 @@ fn bench_times_a_training_of_ones_own() {
     std::fs::write(&config, "[train]\nenvironments = 16\nsteps = 4\n[ppo]\nepochs = 1\nminibatches = 2\n")
         .unwrap();
     let config = config.to_str().unwrap();
-    let found = json(&run(&["bench", "train", config, "--iterations", "1", "--device", "cpu", "--json"]));
-    assert_eq!((found["robot"].as_str(), found["task"].as_str()), (Some("go2"), Some("velocity")));
+    let bench = json(&run(&["bench", "train", config, "--iterations", "1", "--device", "cpu", "--json"]));
+    assert_eq!((bench["robot"].as_str(), bench["task"].as_str()), (Some("go2"), Some("velocity")));
     for (what, number) in [("environments", 16), ("steps", 4), ("epochs", 1), ("minibatches", 2)] {
-        assert_eq!(found[what], number, "{what}");
+        assert_eq!(bench[what], number, "{what}");
     }
     let output = run(&["bench", "train", "no-such.toml"]);
     assert_eq!(output.status.code(), Some(2));
@@ -164,17 +164,17 @@ fn bench_times_a_training_of_ones_own() {
 
 #[test]
 fn bench_prints_what_it_measured() {
-    let found = json(&run(&["bench", "physics", "--preset", "fast", "--geoms", "feet", "--json"]));
-    assert!(found["substeps_per_second"].as_f64().unwrap() > 0.0);
-    assert_eq!((found["preset"].as_str(), found["geoms"].as_str()), (Some("fast"), Some("feet")));
-    assert_eq!(found["threads"], 1);
-    assert!(found["lanes"].as_u64().unwrap() >= 1);
+    let bench = json(&run(&["bench", "physics", "--preset", "fast", "--geoms", "feet", "--json"]));
+    assert!(bench["substeps_per_second"].as_f64().unwrap() > 0.0);
+    assert_eq!((bench["preset"].as_str(), bench["geoms"].as_str()), (Some("fast"), Some("feet")));
+    assert_eq!(bench["threads"], 1);
+    assert!(bench["lanes"].as_u64().unwrap() >= 1);
     // Robots that fell over would measure another thing.
-    assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
-    assert_eq!(found["own_pairs"], 0);
-    let found = json(&run(&["bench", "physics", "--self-contact", "limbs", "--json"]));
-    assert_eq!(found["own_pairs"], 6);
-    assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
+    assert!(bench["base_height_m"].as_f64().unwrap() > 0.15, "{bench}");
+    assert_eq!(bench["own_pairs"], 0);
+    let bench = json(&run(&["bench", "physics", "--self-contact", "limbs", "--json"]));
+    assert_eq!(bench["own_pairs"], 6);
+    assert!(bench["base_height_m"].as_f64().unwrap() > 0.15, "{bench}");
 }
 
 #[test]

@@ -68,8 +68,8 @@ fn commands_find_the_robot_of_the_training_from_its_run_folder() {
     done(&folder, &format!("train quad.toml --name walk {TINY} {NETWORKS}"));
 
     let short = "--trajectories 4 --drift 0 --seconds 0.2 --json";
-    let found = json(&done(&folder, &format!("evaluate runs/walk {short}")));
-    assert!(found["simulator"].as_str().unwrap_or_default().contains("quad"), "{found}");
+    let evaluation = json(&done(&folder, &format!("evaluate runs/walk {short}")));
+    assert!(evaluation["simulator"].as_str().unwrap_or_default().contains("quad"), "{evaluation}");
     done(&folder, &format!("evaluate runs/walk/seed-1/policy.safetensors {short}"));
     done(&folder, "collect runs/walk --trajectories 2 --seconds 0.2 --out logs");
     // It trains and saves. After so short a training the policy does not walk, so the exit code is 3.

@@ -67,9 +67,9 @@ fn a_cell_of_each_kind_is_run_and_resumed() {
     let rows = first["rows"].as_array().unwrap();
     assert_eq!(rows.len(), 1);
     assert_eq!(rows[0]["cell"], "model-shift-fricarm-wass");
-    let found = rows[0]["errors_percent"].as_object().unwrap();
-    assert_eq!(found.len(), 6);
-    let mean = found.values().map(|error| error["mean"].as_f64().unwrap()).sum::<f64>() / 6.0;
+    let percents = rows[0]["errors_percent"].as_object().unwrap();
+    assert_eq!(percents.len(), 6);
+    let mean = percents.values().map(|error| error["mean"].as_f64().unwrap()).sum::<f64>() / 6.0;
     assert!((rows[0]["mean_error_percent"]["mean"].as_f64().unwrap() - mean).abs() < 1e-9);
     assert!((rows[0]["paper"]["mean_error_percent"].as_f64().unwrap() - 4.18).abs() < 0.01);
     assert!(rows[0]["seconds"].as_f64().unwrap() > 0.0 && rows[0]["cost_value"]["mean"].is_number());

@@ -46,13 +46,13 @@ fn fitted(path: &str, more: &[&str]) -> Value {
 }
 
 /// Distance of armatures from the truth, kg·m², of the values under `key`.
-fn off(found: &Value, key: &str) -> f64 {
+fn off(report: &Value, key: &str) -> f64 {
     let truth = std::fs::read_to_string(root().join("examples/go2-ground/truth.toml")).unwrap();
     let truth: toml::Table = toml::from_str(&truth).unwrap();
     let known = truth["parameter"].as_array().unwrap().iter();
     let armatures = known.filter(|one| one["kind"].as_str() == Some("armature"));
     let errors = armatures.map(|one| {
-        let parameters = found["parameters"].as_array().unwrap();
+        let parameters = report["parameters"].as_array().unwrap();
         let fitted = parameters.iter().find(|other| other["name"] == one["name"].as_str().unwrap()).unwrap();
         (fitted[key].as_f64().unwrap() - one["value"].as_float().unwrap()).abs()
     });
@@ -64,33 +64,34 @@ fn off(found: &Value, key: &str) -> f64 {
 fn long_simulated_robots_correct_a_search_that_ended_early_and_the_same_after_a_kill() {
     let folder = tempfile::tempdir().unwrap();
     let path = config(folder.path());
-    let found = fitted(&path, &["--name", "one", "--threads", "1"]);
-    assert!(off(&found, "value") < 0.5 * off(&found, "uncorrected"), "{found}");
-    let regression = &found["fits"][0]["regression"];
+    let report = fitted(&path, &["--name", "one", "--threads", "1"]);
+    assert!(off(&report, "value") < 0.5 * off(&report, "uncorrected"), "{report}");
+    let regression = &report["fits"][0]["regression"];
     let rounds = regression["rounds"].as_array().unwrap().len();
     assert!((3..=6).contains(&rounds), "{rounds}");
     // 40 robots a round, 24 with each of the two sets of values, and 48 with errors.
     let robots = 40 * rounds as u64 + 96;
     assert_eq!(regression["robots"].as_u64(), Some(robots));
-    for parameter in found["parameters"].as_array().unwrap() {
+    for parameter in report["parameters"].as_array().unwrap() {
         assert_eq!(parameter["identification"]["noise"], "robots", "{parameter}");
         let [low, high] = [0, 1].map(|end| parameter["interval"][end].as_f64().unwrap());
         let value = parameter["value"].as_f64().unwrap();
         assert!(low <= value && value <= high && low < high, "{parameter}");
     }
-    let said = |found: &Value| found["warnings"].to_string().contains(&format!("{robots} simulated robots"));
-    assert!(said(&found), "{}", found["warnings"]);
+    let said =
+        |report: &Value| report["warnings"].to_string().contains(&format!("{robots} simulated robots"));
+    assert!(said(&report), "{}", report["warnings"]);
     // As if it had been killed after the search.
     std::fs::remove_file(folder.path().join("one/result.json")).unwrap();
     let resumed = fitted(&path, &["--name", "one", "--threads", "3", "--resume"]);
     for key in ["parameters", "fits", "cost"] {
-        let plain = |found: &Value| found[key].clone();
-        assert_eq!(plain(&found), plain(&resumed), "{key}");
+        let plain = |report: &Value| report[key].clone();
+        assert_eq!(plain(&report), plain(&resumed), "{key}");
     }
     // Without robots the values are those found, with the cost's own intervals.
     let plain = fitted(&path, &["--name", "plain", "--set", "optimizer.replicates=0"]);
     assert!(plain["fits"][0].get("regression").is_none() && !said(&plain));
-    let both = plain["parameters"].as_array().unwrap().iter().zip(found["parameters"].as_array().unwrap());
+    let both = plain["parameters"].as_array().unwrap().iter().zip(report["parameters"].as_array().unwrap());
     for (plain, corrected) in both {
         assert_eq!(plain["value"], corrected["uncorrected"]);
         assert_eq!(plain["identification"]["noise"], "recordings");

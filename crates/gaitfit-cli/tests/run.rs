@@ -219,8 +219,7 @@ fn keys_of_a_terminal_steer_and_leave_it_as_it_was() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         let terminal = nix::pty::openpty(None, None).unwrap();
-        let flags =
-            || tcgetattr(&terminal.slave).map(|found| (found.local_flags, found.input_flags)).unwrap();
+        let flags = || tcgetattr(&terminal.slave).map(|mode| (mode.local_flags, mode.input_flags)).unwrap();
         let before: (LocalFlags, InputFlags) = flags();
         let mut command = program();
         command.args([
@@ -559,8 +558,8 @@ fn drift_trials_leave_a_form_whose_numbers_make_the_table() {
     assert!(errors(&output).contains("1 rows are not filled in"), "{}", errors(&output));
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let row = |words: [&str; 2]| {
-        let found = text.lines().find(|line| words.iter().all(|word| line.contains(word)));
-        found.unwrap_or_else(|| panic!("{words:?}: {text}")).to_owned()
+        let line = text.lines().find(|line| words.iter().all(|word| line.contains(word)));
+        line.unwrap_or_else(|| panic!("{words:?}: {text}")).to_owned()
     };
     let first = row(["+x", "go2-walk"]);
     assert!(["-0.300", "-0.400", "+0.175", "0.500"].iter().all(|cell| first.contains(cell)), "{first}");

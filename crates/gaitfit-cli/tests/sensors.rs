@@ -49,23 +49,23 @@ fn joints_and_imu_show_friction_and_inertia_anywhere_in_a_walk() {
     let path = config(folder.path(), &logs, &others, "");
     let output = run(&["adapt", &path, "--json", "--set", "optimizer.replicates=1"]);
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
-    let found = json(&output);
+    let report = json(&output);
     let truth: toml::Table =
         toml::from_str(&std::fs::read_to_string(root().join("examples/go2-ground/truth.toml")).unwrap())
             .unwrap();
     for one in truth["parameter"].as_array().unwrap() {
         let (name, value) = (one["name"].as_str().unwrap(), one["value"].as_float().unwrap());
-        let parameters = found["parameters"].as_array().unwrap();
+        let parameters = report["parameters"].as_array().unwrap();
         let fitted =
             parameters.iter().find(|other| other["name"] == name).unwrap()["value"].as_f64().unwrap();
         assert!((fitted / value - 1.0).abs() < 0.1, "{name}: {fitted} for {value}");
     }
     // The cost on other logs is that of predictions too: a tenth of the nominal robot's.
-    let after = found["fitted"]["cost_validation"].as_f64().unwrap();
-    assert!(after < 0.2 * found["baselines"][0]["cost_validation"].as_f64().unwrap(), "{found}");
+    let after = report["fitted"]["cost_validation"].as_f64().unwrap();
+    assert!(after < 0.2 * report["baselines"][0]["cost_validation"].as_f64().unwrap(), "{report}");
     let theta = folder.path().join("walk/theta.toml");
     let validated = json(&run(&["validate", theta.to_str().unwrap(), &others[0], "--json"]));
-    assert_eq!(validated["cost"], found["fitted"]["cost_validation"]);
+    assert_eq!(validated["cost"], report["fitted"]["cost_validation"]);
 }
 
 #[test]
@@ -82,37 +82,37 @@ fn long_simulated_logs_correct_what_a_long_step_and_torque_noise_make_of_a_fit()
         assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
         json(&output)
     };
-    let found = fitted(&[]);
+    let report = fitted(&[]);
     let truth = std::fs::read_to_string(root().join("examples/go2-ground/truth.toml")).unwrap();
     let truth: toml::Table = toml::from_str(&truth).unwrap();
     let off = |key: &str| -> f64 {
         let errors = truth["parameter"].as_array().unwrap().iter().map(|one| {
-            let parameters = found["parameters"].as_array().unwrap();
+            let parameters = report["parameters"].as_array().unwrap();
             let fitted = parameters.iter().find(|other| other["name"] == one["name"].as_str().unwrap());
             (fitted.unwrap()[key].as_f64().unwrap() / one["value"].as_float().unwrap() - 1.0).abs()
         });
         errors.sum()
     };
     assert!(off("value") < 0.6 * off("uncorrected"), "{} of {}", off("value"), off("uncorrected"));
-    let correction = &found["fits"][0]["correction"];
+    let correction = &report["fits"][0]["correction"];
     let torque_noise = correction["torque_noise"].as_f64().unwrap();
     assert!((torque_noise - 2.5).abs() < 0.4, "{torque_noise}");
-    let said = found["warnings"].as_array().unwrap().iter().any(|one| {
+    let said = report["warnings"].as_array().unwrap().iter().any(|one| {
         let text = one.as_str().unwrap();
         text.contains("corrected by 8 sets of logs") && text.contains("N·m")
     });
-    assert!(said, "{}", found["warnings"]);
+    assert!(said, "{}", report["warnings"]);
     // theta.toml has the corrected values; the cost beside them is theirs, and above that of the values found.
     let theta = std::fs::read_to_string(folder.path().join("walk/theta.toml")).unwrap();
     let theta: toml::Table = toml::from_str(&theta).unwrap();
-    assert_eq!(theta["parameter"][0]["value"].as_float(), found["parameters"][0]["value"].as_f64());
-    let (cost, before) = (found["cost"].as_f64(), found["fits"][0]["runs"][0]["best_cost"].as_f64());
+    assert_eq!(theta["parameter"][0]["value"].as_float(), report["parameters"][0]["value"].as_f64());
+    let (cost, before) = (report["cost"].as_f64(), report["fits"][0]["runs"][0]["best_cost"].as_f64());
     assert!(cost.unwrap() > before.unwrap() && theta["cost"].as_float() == cost, "{cost:?} {before:?}");
     // Without simulated logs the values are those found.
     let plain = fitted(&["--set", "optimizer.replicates=0"]);
     assert!(plain["fits"][0].get("correction").is_none());
     for (plain, corrected) in
-        plain["parameters"].as_array().unwrap().iter().zip(found["parameters"].as_array().unwrap())
+        plain["parameters"].as_array().unwrap().iter().zip(report["parameters"].as_array().unwrap())
     {
         assert_eq!(plain["value"], corrected["uncorrected"]);
     }
@@ -193,8 +193,8 @@ fn long_offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     std::fs::write(&path, text).unwrap();
     let output = run(&["adapt", path.to_str().unwrap(), "--json"]);
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
-    let found = json(&output);
-    let parameters = found["parameters"].as_array().unwrap();
+    let report = json(&output);
+    let parameters = report["parameters"].as_array().unwrap();
     assert_eq!(parameters.len(), 14);
     for one in parameters {
         let (name, value) = (one["name"].as_str().unwrap(), one["value"].as_f64().unwrap());
@@ -253,27 +253,27 @@ fn long_errors_of_sensors_are_found_in_walks() {
         assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
         json(&output)
     };
-    let off = |found: &serde_json::Value| -> Vec<f64> {
-        let parameters = found["parameters"].as_array().unwrap();
+    let off = |report: &serde_json::Value| -> Vec<f64> {
+        let parameters = report["parameters"].as_array().unwrap();
         let apart = |(kind, truth, within): &(&str, f64, f64)| {
             let one = parameters.iter().find(|one| one["name"] == *kind).unwrap();
             (one["value"].as_f64().unwrap() - truth).abs() / within
         };
         truths.iter().map(apart).collect()
     };
-    let found = fit("alone", &[]);
-    assert!(off(&found).iter().all(|off| *off < 1.0), "{:?} {found}", off(&found));
+    let report = fit("alone", &[]);
+    assert!(off(&report).iter().all(|off| *off < 1.0), "{:?} {report}", off(&report));
     let cost = |one: &serde_json::Value| one["cost"].as_f64().unwrap();
-    assert!(cost(&found["fitted"]) < 0.5 * cost(&found["baselines"][0]), "{found}");
-    let tilts = |found: &serde_json::Value| {
-        let doubts = found["doubts"].as_array().unwrap();
+    assert!(cost(&report["fitted"]) < 0.5 * cost(&report["baselines"][0]), "{report}");
+    let tilts = |report: &serde_json::Value| {
+        let doubts = report["doubts"].as_array().unwrap();
         doubts.iter().any(|one| one.to_string().contains("inertial unit is tilted"))
     };
-    assert!(!tilts(&found), "what is fitted is no doubt: {}", found["doubts"]);
+    assert!(!tilts(&report), "what is fitted is no doubt: {}", report["doubts"]);
     // With the estimates from the logs alone as priors, few generations are enough.
     let short = ["--set", "swings=true", "--set", "optimizer.generations=3"];
-    let found = fit("priors", &short);
-    assert!(off(&found).iter().all(|off| *off < 0.5), "{:?} {found}", off(&found));
-    let found = fit("without", &["--set", "number=[{ kind = \"base_mass\" }]", short[2], short[3]]);
-    assert!(tilts(&found), "what is not fitted is a doubt: {}", found["doubts"]);
+    let report = fit("priors", &short);
+    assert!(off(&report).iter().all(|off| *off < 0.5), "{:?} {report}", off(&report));
+    let report = fit("without", &["--set", "number=[{ kind = \"base_mass\" }]", short[2], short[3]]);
+    assert!(tilts(&report), "what is not fitted is a doubt: {}", report["doubts"]);
 }

@@ -16,12 +16,12 @@ fn it_gives_the_numbers_of_the_fits_own_validation() {
     let theta = theta.to_str().unwrap();
     let output = run(&["validate", theta, LOG, "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
-    let found = json(&output);
-    assert_eq!(found["validation"], fitted["validation"]);
-    assert_eq!(found["cost"], fitted["fitted"]["cost_validation"]);
-    assert_eq!(found["rmse_rad"], fitted["fitted"]["rmse_validation_rad"]);
-    assert_eq!(found["nominal_rmse_rad"], fitted["baselines"][0]["rmse_validation_rad"]);
-    assert_eq!(found["better_than_nominal"], true);
+    let report = json(&output);
+    assert_eq!(report["validation"], fitted["validation"]);
+    assert_eq!(report["cost"], fitted["fitted"]["cost_validation"]);
+    assert_eq!(report["rmse_rad"], fitted["fitted"]["rmse_validation_rad"]);
+    assert_eq!(report["nominal_rmse_rad"], fitted["baselines"][0]["rmse_validation_rad"]);
+    assert_eq!(report["better_than_nominal"], true);
 
     let output = run(&["validate", theta, LOG, "--set", "check.rmse_rad=1e-6"]);
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
@@ -44,9 +44,9 @@ fn a_fit_without_its_configuration_and_logs_that_are_not_there_are_named() {
     assert!(errors(&output).contains("no-such.csv"), "{}", errors(&output));
     // Nothing fitted: the robot before the fit.
     let output = run(&[&["validate", theta, LOG, "--json"], &config[..]].concat());
-    let found = json(&output);
-    assert_eq!(found["cost"], found["nominal_cost"]);
-    assert_eq!(found["better_than_nominal"], false, "{}", errors(&output));
+    let report = json(&output);
+    assert_eq!(report["cost"], report["nominal_cost"]);
+    assert_eq!(report["better_than_nominal"], false, "{}", errors(&output));
 }
 
 /// A quick fit of the walking logs of the example: some of them fitted, others to validate on. Narrow bounds keep it from
@@ -111,10 +111,10 @@ fn walking_logs_are_validated_too() {
     args.extend(other);
     let output = run(&args);
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
-    let found = json(&output);
-    assert_eq!(&found["validation"], &fitted["validation"]);
-    assert_eq!(found["cost"], fitted["fitted"]["cost_validation"]);
-    assert_eq!(found["held_out"], fitted["held_out"], "the same walks");
+    let report = json(&output);
+    assert_eq!(&report["validation"], &fitted["validation"]);
+    assert_eq!(report["cost"], fitted["fitted"]["cost_validation"]);
+    assert_eq!(report["held_out"], fitted["held_out"], "the same walks");
     let output = run(&args[..args.len()].iter().filter(|one| *one != "--json").collect::<Vec<_>>());
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(
@@ -124,11 +124,11 @@ fn walking_logs_are_validated_too() {
 
     // Samples are compared one by one where a cost does so.
     args.extend(["--set".to_owned(), "costs=[\"matcho\"]".to_owned()]);
-    let found = json(&run(&args));
-    let validation = found["validation"].as_array().unwrap();
+    let report = json(&run(&args));
+    let validation = report["validation"].as_array().unwrap();
     assert!(
         validation.iter().any(|log| log["rmse_rad"].as_f64().is_some_and(|error| error > 0.0)),
-        "{found}"
+        "{report}"
     );
 }
 
@@ -137,8 +137,8 @@ fn walking_logs_are_validated_too() {
 fn a_log_says_which_parameters_it_can_tell() {
     let demo = ["sensitivity", "examples/go2-demo/adapt.toml"];
     let coarse = ["--set", "simulation.timestep=0.005"];
-    let found = json(&run(&[&demo[..], &coarse, &["--json"]].concat()));
-    let parameters = found["parameters"].as_array().unwrap();
+    let report = json(&run(&[&demo[..], &coarse, &["--json"]].concat()));
+    let parameters = report["parameters"].as_array().unwrap();
     assert_eq!(parameters.len(), 10);
     for one in parameters {
         assert_eq!(one["told"], true, "{one}");
@@ -147,7 +147,7 @@ fn a_log_says_which_parameters_it_can_tell() {
     }
     assert_eq!(parameters[0]["value"], 0.21, "the truth that the configuration states");
     // Twice the difference, twice the deviations.
-    let difference = format!("{}", 2.0 * found["difference"].as_f64().unwrap());
+    let difference = format!("{}", 2.0 * report["difference"].as_f64().unwrap());
     let twice = json(&run(&[&demo[..], &coarse, &["--json", "--difference", &difference]].concat()));
     let ratio =
         twice["parameters"][3]["deviation"].as_f64().unwrap() / parameters[3]["deviation"].as_f64().unwrap();
@@ -179,8 +179,9 @@ fn a_log_says_which_parameters_it_can_tell() {
     let folder = tempfile::tempdir().unwrap();
     let walk = folder.path().join("walk.csv");
     std::fs::write(&walk, text.lines().map(row).collect::<String>()).unwrap();
-    let found = json(&run(&[&demo[..], &coarse, &["--json", "--set", &format!("logs=[{walk:?}]")]].concat()));
-    let warnings = found["warnings"].to_string();
+    let report =
+        json(&run(&[&demo[..], &coarse, &["--json", "--set", &format!("logs=[{walk:?}]")]].concat()));
+    let warnings = report["warnings"].to_string();
     assert!(
         warnings.contains("walk.csv: the log has commands") && warnings.contains("add base = "),
         "{warnings}"

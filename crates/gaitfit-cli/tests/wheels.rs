@@ -123,10 +123,10 @@ fn walks_on_wheels_are_fitted_without_the_angles_of_the_wheels() {
          joints = [\"*_wheel\"]\n[optimizer]\nseeds = 1\nreplicates = 0\n[simulation]\nrobot_timestep = 0.005\n",
     )
     .unwrap();
-    let found = run(&["adapt", &at("fit.toml"), "--json", "--device", "cpu"]);
-    assert!(matches!(found.status.code(), Some(0 | 3)), "{}", errors(&found));
-    let found = json(&found);
-    for (parameter, truth) in found["parameters"].as_array().unwrap().iter().zip(TRUTH) {
+    let output = run(&["adapt", &at("fit.toml"), "--json", "--device", "cpu"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let report = json(&output);
+    for (parameter, truth) in report["parameters"].as_array().unwrap().iter().zip(TRUTH) {
         let value = parameter["value"].as_f64().unwrap();
         assert!((value - truth).abs() < 0.1 * truth, "{}: {value} for {truth}", parameter["name"]);
     }

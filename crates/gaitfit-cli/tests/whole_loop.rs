@@ -14,18 +14,18 @@ use std::time::Duration;
 
 /// Everything that must not depend on when a loop was killed.
 fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut found = BTreeMap::new();
+    let mut files = BTreeMap::new();
     for folder in ["policies", "evaluations", "round-1/logs", "round-1/adapt"] {
         for entry in fs::read_dir(run.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             let kept = folder != "round-1/adapt" || name == "theta.toml";
             if kept && !name.starts_with('.') {
-                found.insert(format!("{folder}/{name}"), fs::read(&path).unwrap());
+                files.insert(format!("{folder}/{name}"), fs::read(&path).unwrap());
             }
         }
     }
-    found
+    files
 }
 
 #[test]
@@ -207,8 +207,8 @@ fn long_the_policy_is_compared_with_training_without_logs_and_chosen_by_other_tr
     };
     let after = if result["after"] == "π₁" { "policy-1-target.json" } else { "policy-2-target.json" };
     let wanted = difference(after) - difference("randomised-target.json");
-    let found = comparisons.last().unwrap()["linear_velocity_error"]["mean"].as_f64().unwrap();
-    assert!((wanted - found).abs() < 1e-9, "{wanted} {found}");
+    let mean = comparisons.last().unwrap()["linear_velocity_error"]["mean"].as_f64().unwrap();
+    assert!((wanted - mean).abs() < 1e-9, "{wanted} {mean}");
     assert!(result["bought"].as_str().unwrap().contains("domain randomisation"), "{}", result["bought"]);
 
     // The randomised robots are those of the settings; the nominal ones have no fit.

@@ -104,10 +104,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 (0..20).try_for_each(|_| group.iter().try_for_each(|launch| learner.start(stream, launch)))
             };
             let mut graph: Graph = stream.record(repeat)?;
-            let found = times(&device, &stream, 9, || Ok(graph.launch(&stream)?))?;
+            let times = times(&device, &stream, 9, || Ok(graph.launch(&stream)?))?;
             let resource = resources.iter().find(|(name, ..)| *name == launch.kernel);
             kernels.push(serde_json::json!({
-                "kernel": launch.kernel, "launches": count, "microseconds": found[found.len() / 2] * 1e3 / 20.0,
+                "kernel": launch.kernel, "launches": count, "microseconds": times[times.len() / 2] * 1e3 / 20.0,
                 "blocks": launch.shape.grid, "registers": resource.map(|r| r.1), "local_bytes": resource.map(|r| r.2),
             }));
         }

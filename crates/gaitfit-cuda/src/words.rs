@@ -53,8 +53,8 @@ pub(crate) fn unknown(activation: Activation) -> Option<String> {
 /// What to say of an observation that the kernels do not write.
 pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
     let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
-    let found = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
-    Some(format!("a policy that observes {}", found.name()))
+    let quantity = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
+    Some(format!("a policy that observes {}", quantity.name()))
 }
 
 pub(crate) fn single(value: f32) -> String {

@@ -54,12 +54,12 @@ fn expected(sizes: Sizes, signals: &[f32], ends: &[u32], measured: &[f64]) -> (V
     (distances, squares)
 }
 
-fn compare(found: (&[f64], &[f64]), wanted: (&[f64], &[f64])) {
-    assert_eq!(found.0.len(), wanted.0.len());
-    for (found, wanted) in found.0.iter().zip(wanted.0) {
-        assert!((found - wanted).abs() < 1e-13 * wanted, "{found} {wanted}");
+fn compare(costs: (&[f64], &[f64]), wanted: (&[f64], &[f64])) {
+    assert_eq!(costs.0.len(), wanted.0.len());
+    for (value, wanted) in costs.0.iter().zip(wanted.0) {
+        assert!((value - wanted).abs() < 1e-13 * wanted, "{value} {wanted}");
     }
-    assert_eq!(found.1, wanted.1);
+    assert_eq!(costs.1, wanted.1);
 }
 
 #[test]
@@ -145,8 +145,8 @@ fn costs_by(items: usize) {
     spoilt[2] = f32::NAN;
     spoilt[dimensions * skip + 1] = f32::INFINITY;
     let out = host::run(&text, &plan, &given(&spoilt), &[]);
-    let found = doubles(&out["distances"]);
-    assert!(found[1].is_nan() && found[2] == wanted.0[2], "{found:?}");
+    let distances = doubles(&out["distances"]);
+    assert!(distances[1].is_nan() && distances[2] == wanted.0[2], "{distances:?}");
 }
 
 #[test]

@@ -22,10 +22,10 @@ extern "C" __global__ void roomy(float* out) {
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_runs_kernels_graphs_and_says_what_failed() {
-    let found = find();
-    assert!(found.problems.is_empty() && !found.gpus.is_empty(), "{found:?}");
+    let report = find();
+    assert!(report.problems.is_empty() && !report.gpus.is_empty(), "{report:?}");
     let device = Device::open(0).unwrap();
-    assert_eq!(found.gpus[0], *device.info());
+    assert_eq!(report.gpus[0], *device.info());
     let module = device.load(&Program::new("test", TEXT)).unwrap();
     let stream = Stream::new(&device).unwrap();
     let twice = module.kernel("twice").unwrap();

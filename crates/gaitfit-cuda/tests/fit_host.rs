@@ -93,12 +93,12 @@ fn placed(job: &Job, reading: &Start) -> Start {
 
 /// What the CPU finds, job after job.
 fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
-    let found = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
+    let tracks = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
     let consume = |job: usize, script: usize, track: &Track| {
-        found.lock().unwrap()[job * scripts.len() + script] = track.clone();
+        tracks.lock().unwrap()[job * scripts.len() + script] = track.clone();
     };
     follow(&task.walker, policy, scripts, jobs, 2, &consume, &|| false).unwrap();
-    found.into_inner().unwrap()
+    tracks.into_inner().unwrap()
 }
 
 /// The same motion again, for all that a track does not tell: every robot after each control period.
@@ -114,7 +114,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     let mut motion = walker.batch.motion(count);
     let mut noise = TorqueNoise::default();
     let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap();
-    let mut found = Vec::new();
+    let mut steps = Vec::new();
     for sample in 0..longest - 1 {
         let mut actions = Vec::new();
         for (index, (script, track)) in scripts.iter().zip(tracks).enumerate() {
@@ -130,9 +130,9 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
         walker.targets(&actions, &mut targets);
         let torques = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
         tile.step(&targets, torques, &mut motion);
-        found.push((0..count).map(|index| tile.robot(index)).collect());
+        steps.push((0..count).map(|index| tile.robot(index)).collect());
     }
-    found
+    steps
 }
 
 /// `script` with `earlier` more samples under its first command at the beginning.
@@ -288,38 +288,38 @@ fn compare_from(
                 want.resize(want.len() + width + 6, 0.0);
                 assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
                 let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
-                for (place, &found) in memory.iter().enumerate() {
+                for (place, &value) in memory.iter().enumerate() {
                     // Gears begin in the middle of their play, sensors with the truth.
                     let Some(joint) = period_memory(&period)[place] else {
-                        assert_eq!(found, 0.0, "{label}: memory {place} of environment {e}");
+                        assert_eq!(value, 0.0, "{label}: memory {place} of environment {e}");
                         continue;
                     };
                     let bias = job.candidate.robot.encoder_bias[joint] as f32;
                     let angle = start.joint_position[joint] + bias;
                     let want = if place % 2 == 0 { angle } else { start.joint_velocity[joint] };
-                    assert_eq!(found, want, "{label}: memory {place} of environment {e}");
+                    assert_eq!(value, want, "{label}: memory {place} of environment {e}");
                 }
             }
             if sample < motion[e / scripts.len()].len() {
-                let found = of(&period, Class::Targets, &kept("robot_targets"), e);
+                let targets = of(&period, Class::Targets, &kept("robot_targets"), e);
                 let want = &motion[e / scripts.len()][sample][e % scripts.len()].targets;
                 // An ActionDelta changes targets in the physics.
                 if job.candidate.networks.is_empty() {
-                    assert!(apart(&found, want) < 2e-6, "{label}: targets of {e} at {sample}");
+                    assert!(apart(&targets, want) < 2e-6, "{label}: targets of {e} at {sample}");
                 }
             }
         }
         if job.candidate.torque_noise > 0.0 {
             let tile = period.layout().size(Class::Disturbance) * tiles;
             for sample in 0..length {
-                let found = floats(&read(&format!("robot_disturbance.at{sample}")));
+                let torques = floats(&read(&format!("robot_disturbance.at{sample}")));
                 let mut noise = TorqueNoise::default();
                 let count = scripts.len();
                 let want = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
-                for (substep, all) in found.chunks_exact(tile).enumerate() {
+                for (substep, lanes) in torques.chunks_exact(tile).enumerate() {
                     let row = (substep * count + e % count) * width;
-                    let found = of(&period, Class::Disturbance, all, e);
-                    assert_eq!(found, want[row..row + width], "{label}: noise of {e} at {sample}");
+                    let values = of(&period, Class::Disturbance, lanes, e);
+                    assert_eq!(values, want[row..row + width], "{label}: noise of {e} at {sample}");
                 }
             }
         }

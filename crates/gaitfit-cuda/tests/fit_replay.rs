@@ -52,12 +52,12 @@ fn cxx_replays_are_the_cpus() {
     let plan = Plan::new(&scene, &tables, sizes);
     let numbers = Numbers::new(subject, &jobs, 3, 1, 1).unwrap();
     let robots: Vec<_> = jobs.iter().map(|job| job.candidate.robot.clone()).collect();
-    let found = Mutex::new(vec![JointSignals::default(); 6]);
+    let tracks = Mutex::new(vec![JointSignals::default(); 6]);
     let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
-        found.lock().unwrap()[2 * candidate + recording] = signals.clone();
+        tracks.lock().unwrap()[2 * candidate + recording] = signals.clone();
     };
     Cpu { threads: 1 }.replay(&replay, &robots, &consume, &|| false).unwrap();
-    let wanted = found.into_inner().unwrap();
+    let wanted = tracks.into_inner().unwrap();
 
     // Each sample the CPU's positions and velocities go in as a state, parts of these as accelerations and as what slow
     // sensors read beyond the velocity.

@@ -75,20 +75,20 @@ fn update_is_the_cpus(settings: Settings) {
     let (mut cpu, mut tiles) = problem(settings, 4);
     let device = Device::open(0).unwrap();
     let before = flat(&cpu);
-    let mut found = Vec::new();
+    let mut updates = Vec::new();
     for precision in [Precision::F32, Precision::F32, Precision::Tf32] {
         let mut learner = Learner::new(&device, &cpu, batch(4), precision).unwrap();
         learner.upload(&tiles).unwrap();
         let report = learner.update(9).unwrap();
         let mut out = ppo::Learner::new(cpu.settings().clone(), WIDTHS, 77).unwrap();
         learner.store(&mut out).unwrap();
-        found.push((flat(&out), report, out.scalars()));
+        updates.push((flat(&out), report, out.scalars()));
     }
-    assert!(found[0].0 == found[1].0 && found[0].1 == found[1].1, "the same update has other bits");
+    assert!(updates[0].0 == updates[1].0 && updates[0].1 == updates[1].1, "the same update has other bits");
     let report = cpu.update(&mut tiles, 9, 8).unwrap();
     let learned = |after: &[f64]| -> Vec<f64> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
     let wanted = learned(&flat(&cpu));
-    for ((parameters, own, scalars), limit) in [(&found[0], 1e-3), (&found[2], 0.2)] {
+    for ((parameters, own, scalars), limit) in [(&updates[0], 1e-3), (&updates[2], 0.2)] {
         let far = distance(learned(parameters), &wanted);
         println!("what was learned differs from the CPU's by {far:.1e}\n{own:?}");
         assert!(far < limit, "{far}");
@@ -97,7 +97,7 @@ fn update_is_the_cpus(settings: Settings) {
         assert!((own.value_loss - report.value_loss).abs() < 0.1 * limit * report.value_loss);
         assert!((own.explained_variance - report.explained_variance).abs() < 1e-6);
     }
-    assert_eq!(found[0].2.learning_rate, cpu.scalars().learning_rate);
+    assert_eq!(updates[0].2.learning_rate, cpu.scalars().learning_rate);
     println!("{report:?}");
 }
 
@@ -118,8 +118,8 @@ fn gpu_means_and_values_are_the_cpus() {
         &mut scratch,
     );
     let wanted: Vec<f64> = wanted.into_iter().map(f64::from).collect();
-    let found = learner.read_f32("mean").unwrap();
-    let far = distance(found.into_iter().map(f64::from), &wanted);
+    let means = learner.read_f32("mean").unwrap();
+    let far = distance(means.into_iter().map(f64::from), &wanted);
     // Products of split numbers on matrix units: 3.4e-6 on an H200.
     assert!(far < 1e-5, "{far}");
 }

@@ -152,10 +152,10 @@ pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: P
         let learned = |after: &[f32]| -> Vec<f32> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
         let far = distance(&learned(&floats(&out[parameters])), &learned(wanted));
         assert!(far < limit, "what was learned of the {parameters} differs by {far}");
-        let found = floats(&out[moments]);
-        let half = found.len() / 2;
-        for (name, range) in [("first", 0..half), ("second", half..found.len())] {
-            let far = distance(&found[range.clone()], &wanted_moments[range]);
+        let estimates = floats(&out[moments]);
+        let half = estimates.len() / 2;
+        for (name, range) in [("first", 0..half), ("second", half..estimates.len())] {
+            let far = distance(&estimates[range.clone()], &wanted_moments[range]);
             assert!(far < limit, "the {name} {moments} differ by {far}");
         }
     }
@@ -163,7 +163,7 @@ pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: P
     let scalars = learner.scalars();
     assert_eq!((state[0], state[1], state[5]), (scalars.learning_rate, scalars.steps as f64, 0.0));
     let count = (settings.epochs * settings.minibatches) as f64;
-    for (name, found, wanted) in [
+    for (name, value, wanted) in [
         ("policy loss", state[8] / count, report.policy_loss),
         ("value loss", state[9] / count, report.value_loss),
         ("entropy", state[10] / count, report.entropy),
@@ -178,12 +178,12 @@ pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: P
     ] {
         // A ratio beside the clip may fall on either side of it.
         let scale = wanted.abs().max(if name == "clip fraction" { 0.2 } else { 0.05 });
-        assert!((found - wanted).abs() < limit * scale, "{name}: {found}, CPU {wanted}");
+        assert!((value - wanted).abs() < limit * scale, "{name}: {value}, CPU {wanted}");
     }
     if let Some(normaliser) = scalars.critic_normaliser {
         let wanted = [normaliser.mean, normaliser.variance, vec![normaliser.count]].concat();
-        for (found, wanted) in doubles(&out["critic_statistics"]).iter().zip(&wanted) {
-            assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "{found} {wanted}");
+        for (value, wanted) in doubles(&out["critic_statistics"]).iter().zip(&wanted) {
+            assert!((value - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "{value} {wanted}");
         }
     }
 }

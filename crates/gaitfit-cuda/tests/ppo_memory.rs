@@ -156,9 +156,9 @@ fn cxx_memories_along_a_rollout_are_the_cpus() {
         );
         for e in 0..environments {
             // Only what was cut off counts in the second part.
-            let found = tail_values[part * environments + e];
+            let estimate = tail_values[part * environments + e];
             if part == 0 || cut[e] != 0 {
-                assert!((found - value[e]).abs() < 1e-5, "part {part}, {e}: {found} {}", value[e]);
+                assert!((estimate - value[e]).abs() < 1e-5, "part {part}, {e}: {estimate} {}", value[e]);
             }
         }
     }
@@ -172,7 +172,7 @@ fn memories_that_the_kernels_do_not_take_are_refused() {
         Prepared::new(&learner, BATCH, Precision::F32, limits).unwrap_err().to_string()
     };
     let narrow = Limits { shared_memory: 101_376, ..LIMITS };
-    let found = of(1024, 2, narrow);
-    assert!(found.contains("lstm of 1024 units") && found.contains("train on the CPU"), "{found}");
+    let text = of(1024, 2, narrow);
+    assert!(text.contains("lstm of 1024 units") && text.contains("train on the CPU"), "{text}");
     assert!(of(10, 14, LIMITS).contains("13 robots cannot fill 14 minibatches"));
 }

@@ -59,8 +59,8 @@ fn compare(settings: Settings) {
     }
     for name in ["statistics", "critic_statistics"] {
         assert_eq!(together[0][name], together[1][name]);
-        for (found, wanted) in doubles(&together[0][name]).iter().zip(&doubles(&alone[name])) {
-            assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "{name}: {found} {wanted}");
+        for (value, wanted) in doubles(&together[0][name]).iter().zip(&doubles(&alone[name])) {
+            assert!((value - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "{name}: {value} {wanted}");
         }
     }
     let advantages: Vec<f32> = {
@@ -69,11 +69,11 @@ fn compare(settings: Settings) {
         one.chunks(EACH).zip(other.chunks(EACH)).flat_map(|(a, b)| [a, b].concat()).collect()
     };
     assert!(distance(&advantages, &floats(&alone["advantage"])) < 1e-6);
-    let [found, wanted] = [&together[0], &alone].map(|arrays| doubles(&arrays["state"]));
-    assert_eq!((found[0], found[1], found[5]), (wanted[0], wanted[1], 0.0));
-    for (number, (found, wanted)) in found.iter().zip(&wanted).enumerate().skip(8) {
+    let [state, wanted] = [&together[0], &alone].map(|arrays| doubles(&arrays["state"]));
+    assert_eq!((state[0], state[1], state[5]), (wanted[0], wanted[1], 0.0));
+    for (number, (value, wanted)) in state.iter().zip(&wanted).enumerate().skip(8) {
         let scale = wanted.abs().max(0.05);
-        assert!((found - wanted).abs() < 2e-5 * scale, "number {number}: {found}, one GPU {wanted}");
+        assert!((value - wanted).abs() < 2e-5 * scale, "number {number}: {value}, one GPU {wanted}");
     }
 }
 

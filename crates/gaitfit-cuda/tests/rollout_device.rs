@@ -93,23 +93,23 @@ fn gpu_rollouts_are_the_cpus() {
         let mut cpu = around(&task, &candidate, 300, 3);
         let mut trainer = Trainer::new(&device, &mut cpu, Precision::F32).unwrap();
         let (mut gpu, wanted) = (around(&task, &candidate, 300, 3), cpu.iterate(8).unwrap());
-        let found = trainer.iterate().unwrap();
+        let outcome = trainer.iterate().unwrap();
         trainer.store(&mut gpu).unwrap();
-        let (found_tally, wanted_tally) = (&found.tally, &wanted.tally);
+        let (tally, wanted_tally) = (&outcome.tally, &wanted.tally);
         println!(
-            "{name}: {found_tally:?}\n  {wanted_tally:?}\n{:?}\n{:?}",
-            found.diagnostics, wanted.diagnostics
+            "{name}: {tally:?}\n  {wanted_tally:?}\n{:?}\n{:?}",
+            outcome.diagnostics, wanted.diagnostics
         );
-        assert_eq!(found_tally.steps, wanted_tally.steps);
-        assert!((found_tally.episodes - wanted_tally.episodes).abs() <= 2.0);
+        assert_eq!(tally.steps, wanted_tally.steps);
+        assert!((tally.episodes - wanted_tally.episodes).abs() <= 2.0);
         let near = |got: f64, want: f64, most: f64| {
             assert!((got - want).abs() < most * want.abs().max(1.0), "{got} {want}")
         };
-        near(found_tally.reward, wanted_tally.reward, 1e-2);
+        near(tally.reward, wanted_tally.reward, 1e-2);
         for k in 0..2 {
-            near(found_tally.tracking[k], wanted_tally.tracking[k], 1e-2);
+            near(tally.tracking[k], wanted_tally.tracking[k], 1e-2);
         }
-        near(found.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
+        near(outcome.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
         let mut errors = Vec::new();
         for (got, want) in gpu.snapshots().iter().zip(cpu.snapshots()) {
             if got.steps != want.steps {
@@ -152,22 +152,22 @@ fn gpu_trainings_with_a_memory_are_the_cpus() {
         let (mut cpu, mut gpu) = (training(), training());
         let mut trainer = Trainer::new(&device, &mut gpu, Precision::F32).unwrap();
         for iteration in 0..2 {
-            let (wanted, found) = (cpu.iterate(8).unwrap(), trainer.iterate().unwrap());
-            println!("{cell:?}, {iteration}: {:?}\n{:?}", found.diagnostics, wanted.diagnostics);
+            let (wanted, outcome) = (cpu.iterate(8).unwrap(), trainer.iterate().unwrap());
+            println!("{cell:?}, {iteration}: {:?}\n{:?}", outcome.diagnostics, wanted.diagnostics);
             let near = |got: f64, want: f64, most: f64| {
                 assert!((got - want).abs() < most * want.abs().max(0.1), "{got} {want}")
             };
-            near(found.tally.reward, wanted.tally.reward, 2e-2);
-            near(found.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
-            near(found.diagnostics.gradient_norm, wanted.diagnostics.gradient_norm, 0.05);
-            near(found.diagnostics.kl, wanted.diagnostics.kl, 0.05);
+            near(outcome.tally.reward, wanted.tally.reward, 2e-2);
+            near(outcome.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
+            near(outcome.diagnostics.gradient_norm, wanted.diagnostics.gradient_norm, 0.05);
+            near(outcome.diagnostics.kl, wanted.diagnostics.kl, 0.05);
             if iteration > 0 {
                 continue;
             }
             trainer.store(&mut gpu).unwrap();
-            for (found, wanted) in gpu.memories().iter().zip(&cpu.memories()) {
-                assert_eq!(found.len(), wanted.len());
-                let mut errors: Vec<f32> = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).collect();
+            for (memory, wanted) in gpu.memories().iter().zip(&cpu.memories()) {
+                assert_eq!(memory.len(), wanted.len());
+                let mut errors: Vec<f32> = memory.iter().zip(wanted).map(|(a, b)| (a - b).abs()).collect();
                 errors.sort_by(f32::total_cmp);
                 println!(
                     "memories apart by {} (half), {} (99 %)",
@@ -175,18 +175,18 @@ fn gpu_trainings_with_a_memory_are_the_cpus() {
                     errors[errors.len() * 99 / 100]
                 );
                 assert!(errors[errors.len() / 2] < 1e-4 && errors[errors.len() * 9 / 10] < 1e-2);
-                assert!(found.iter().filter(|x| **x != 0.0).count() > found.len() / 2);
+                assert!(memory.iter().filter(|x| **x != 0.0).count() > memory.len() / 2);
             }
             // Saved, and taken up by another training on the GPU: the same bits.
             let bytes = gpu.save(&origin(), 0.0).unwrap();
             let mut resumed = training();
             resumed.restore(&bytes, &origin()).unwrap();
             let mut other = Trainer::new(&device, &mut resumed, Precision::F32).unwrap();
-            let found = other.iterate().unwrap();
+            let outcome = other.iterate().unwrap();
             let mut again = training();
             again.restore(&bytes, &origin()).unwrap();
             trainer.load(&mut again).unwrap();
-            assert_eq!(trainer.iterate().unwrap().diagnostics, found.diagnostics);
+            assert_eq!(trainer.iterate().unwrap().diagnostics, outcome.diagnostics);
             trainer.load(&mut again).unwrap();
         }
     }
@@ -206,17 +206,17 @@ fn gpu_trajectories_agree_with_the_cpus() {
         let subject =
             Subject { task: &task, policy: &policy, candidate: None, seed: SEED, cancel: None, moved: None };
         let begin = std::time::Instant::now();
-        let found = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
+        let trials = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
         let seconds = begin.elapsed().as_secs_f64();
         assert!(run_trials(&device, &subject, 300, 4.0, &|| false).unwrap().unwrap().len() == 300);
         let again = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
-        assert!(found == again, "other numbers the second time");
+        assert!(trials == again, "other numbers the second time");
         assert_eq!(run_trials(&device, &subject, 10_000, 4.0, &|| true).unwrap(), None);
         let begin = std::time::Instant::now();
         let wanted = evaluate::run_trials(&subject, 10_000, 4.0, 16).unwrap();
         println!("{seconds:.2} s with the compilation, the CPU {:.2} s", begin.elapsed().as_secs_f64());
-        assert!(found.iter().zip(&wanted).all(|(got, want)| got.command == want.command));
-        let (got, want) = (evaluate::summarise(&found), evaluate::summarise(&wanted));
+        assert!(trials.iter().zip(&wanted).all(|(got, want)| got.command == want.command));
+        let (got, want) = (evaluate::summarise(&trials), evaluate::summarise(&wanted));
         println!("{got:?}\n{want:?}");
         for (got, want) in [
             (got.reward, want.reward),
@@ -233,10 +233,10 @@ fn gpu_trajectories_agree_with_the_cpus() {
 }
 
 /// Largest difference of the joint positions of two logs up to row `until`, rad; none of a log that is shorter.
-fn apart(found: &Collected, wanted: &Collected, until: usize) -> Option<f64> {
-    let (found, wanted) = (&found.trajectory.position, &wanted.trajectory.position);
+fn apart(log: &Collected, wanted: &Collected, until: usize) -> Option<f64> {
+    let (position, wanted) = (&log.trajectory.position, &wanted.trajectory.position);
     let rows = 12 * until..12 * (until + 1);
-    let pairs = found.get(rows.clone())?.iter().zip(wanted.get(rows)?);
+    let pairs = position.get(rows.clone())?.iter().zip(wanted.get(rows)?);
     Some(pairs.fold(0.0f64, |worst, (a, b)| worst.max((a - b).abs())))
 }
 
@@ -270,10 +270,10 @@ fn gpu_logs_are_the_cpus_at_first() {
         };
         let options = CollectOptions { count: 301, seconds: 3.0, shift: [0.0, 0.1], privileged: true };
         let begin = std::time::Instant::now();
-        let found = collect(&device, &subject, &options, &|| false).unwrap().unwrap();
+        let logs = collect(&device, &subject, &options, &|| false).unwrap().unwrap();
         let seconds = begin.elapsed().as_secs_f64();
         assert!(
-            found == collect(&device, &subject, &options, &|| false).unwrap().unwrap(),
+            logs == collect(&device, &subject, &options, &|| false).unwrap().unwrap(),
             "other bits again"
         );
         assert_eq!(collect(&device, &subject, &options, &|| true).unwrap(), None);
@@ -283,8 +283,8 @@ fn gpu_logs_are_the_cpus_at_first() {
             "{name}: {seconds:.2} s with the compilation, the CPU {:.2} s",
             begin.elapsed().as_secs_f64()
         );
-        assert_eq!(found.len(), 301);
-        for (got, want) in found.iter().zip(&wanted) {
+        assert_eq!(logs.len(), 301);
+        for (got, want) in logs.iter().zip(&wanted) {
             // A robot may fall a little earlier.
             let rows = 3 * got.trajectory.len().min(want.trajectory.len());
             let commands = [got, want].map(|log| &log.trajectory.command.as_ref().unwrap()[..rows]);
@@ -296,11 +296,11 @@ fn gpu_logs_are_the_cpus_at_first() {
         }
         let [start, soon, second] = [0, 10, 50].map(|row| {
             let mut all: Vec<f64> =
-                found.iter().zip(&wanted).filter_map(|(got, want)| apart(got, want, row)).collect();
+                logs.iter().zip(&wanted).filter_map(|(got, want)| apart(got, want, row)).collect();
             all.sort_by(f64::total_cmp);
             [all[all.len() / 2], all[all.len() * 9 / 10]]
         });
-        let falls = [&found, &wanted].map(|logs| logs.iter().filter(|log| log.fell).count());
+        let falls = [&logs, &wanted].map(|logs| logs.iter().filter(|log| log.fell).count());
         println!(
             "{name}: apart at the start {start:?}, after 0.2 s {soon:?}, 1 s {second:?} rad; falls {falls:?}"
         );

@@ -49,7 +49,7 @@ fn gpu_two_halves_have_the_gradient_of_the_whole() {
             let wanted_report = whole.update(9).unwrap();
             let names = ["gradient", "memory_gradient", "advantage", "parameters"];
             let read = |learner: &Learner, name: &str| learner.read_f32(name).unwrap();
-            let mut found = Vec::new();
+            let mut updates = Vec::new();
             for _ in 0..2 {
                 let mut learners: Vec<Learner> = (0..2)
                     .map(|number| {
@@ -63,10 +63,10 @@ fn gpu_two_halves_have_the_gradient_of_the_whole() {
                 let report = update_together(&mut learners, 9).unwrap();
                 let [one, other] = [0, 1].map(|k| names.map(|name| read(&learners[k], name)));
                 assert!(one[0] == other[0] && one[1] == other[1] && one[3] == other[3], "other weights");
-                found.push((report, one));
+                updates.push((report, one));
             }
-            assert!(found[0] == found[1], "other bits the second time");
-            let (report, arrays) = &found[0];
+            assert!(updates[0] == updates[1], "other bits the second time");
+            let (report, arrays) = &updates[0];
             for (name, numbers) in names.iter().zip(arrays).take(2).filter(|(_, numbers)| !numbers.is_empty())
             {
                 let wanted: Vec<f64> = read(&whole, name).into_iter().map(f64::from).collect();
@@ -74,14 +74,14 @@ fn gpu_two_halves_have_the_gradient_of_the_whole() {
                 println!("{precision:?}: the {name} of two halves differs by {far:.1e}");
                 assert!(far > 0.0 && far < limit, "{far}");
             }
-            for (found, wanted) in [
+            for (value, wanted) in [
                 (report.policy_loss, wanted_report.policy_loss),
                 (report.value_loss, wanted_report.value_loss),
                 (report.kl, wanted_report.kl),
                 (report.explained_variance, wanted_report.explained_variance),
                 (report.gradient_norm, wanted_report.gradient_norm),
             ] {
-                assert!((found - wanted).abs() < 1e-4 * wanted.abs().max(0.01), "{found} {wanted}");
+                assert!((value - wanted).abs() < 1e-4 * wanted.abs().max(0.01), "{value} {wanted}");
             }
         }
     }
@@ -101,24 +101,24 @@ fn gpu_two_gpus_train_the_robots_of_one() {
             let run = |iterations: usize| {
                 let mut host = training(&task, 600, 3);
                 let mut trainer = Trainer::together(&devices, &mut host, Precision::F32).unwrap();
-                let found: Vec<_> = (0..iterations).map(|_| trainer.iterate().unwrap()).collect();
+                let results: Vec<_> = (0..iterations).map(|_| trainer.iterate().unwrap()).collect();
                 let weights = |k: usize| trainer.learners()[k].read_f32("parameters").unwrap();
                 assert!(weights(0) == weights(1));
                 trainer.store(&mut host).unwrap();
-                (found, host)
+                (results, host)
             };
-            let (found, mut host) = run(1);
-            assert_eq!(found[0].tally.steps, wanted.tally.steps);
-            println!("{:?}\n{:?}", found[0].tally, wanted.tally);
+            let (results, mut host) = run(1);
+            assert_eq!(results[0].tally.steps, wanted.tally.steps);
+            println!("{:?}\n{:?}", results[0].tally, wanted.tally);
             assert!(
-                (found[0].tally.reward - wanted.tally.reward).abs()
+                (results[0].tally.reward - wanted.tally.reward).abs()
                     < 1e-2 * wanted.tally.reward.abs().max(1.0)
             );
             let mut errors = Vec::new();
-            for (found, wanted) in host.snapshots().iter().zip(one.snapshots()) {
-                if found.steps == wanted.steps {
-                    assert_eq!(found.command, wanted.command);
-                    let pairs = found.robot.state.iter().zip(&wanted.robot.state);
+            for (snapshot, wanted) in host.snapshots().iter().zip(one.snapshots()) {
+                if snapshot.steps == wanted.steps {
+                    assert_eq!(snapshot.command, wanted.command);
+                    let pairs = snapshot.robot.state.iter().zip(&wanted.robot.state);
                     errors.push(pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs())));
                 }
             }
@@ -165,14 +165,14 @@ fn gpu_memories_are_shared_too() {
         let (mut one, mut two) = (training(), training());
         let mut alone = Trainer::new(&devices[0], &mut one, Precision::F32).unwrap();
         let mut together = Trainer::together(&devices, &mut two, Precision::F32).unwrap();
-        let (wanted, found) = (alone.iterate().unwrap(), together.iterate().unwrap());
+        let (wanted, outcome) = (alone.iterate().unwrap(), together.iterate().unwrap());
         alone.store(&mut one).unwrap();
         together.store(&mut two).unwrap();
         let value = |iteration: &gaitfit_learn::Iteration| iteration.diagnostics.value_loss;
-        assert!((value(&found) - value(&wanted)).abs() < 0.05 * value(&wanted));
-        for (found, wanted) in two.memories().iter().zip(&one.memories()) {
-            assert_eq!(found.len(), wanted.len());
-            let mut errors: Vec<f32> = found.iter().zip(wanted).map(|(a, b)| (a - b).abs()).collect();
+        assert!((value(&outcome) - value(&wanted)).abs() < 0.05 * value(&wanted));
+        for (memory, wanted) in two.memories().iter().zip(&one.memories()) {
+            assert_eq!(memory.len(), wanted.len());
+            let mut errors: Vec<f32> = memory.iter().zip(wanted).map(|(a, b)| (a - b).abs()).collect();
             errors.sort_by(f32::total_cmp);
             assert!(errors[errors.len() / 2] < 1e-4 && errors[errors.len() * 9 / 10] < 1e-2);
         }

@@ -91,7 +91,7 @@ fn gpu_steps_under_given_actions_are_the_cpus() {
                 assert_eq!(any[e] != 0.0, of.0 || of.1);
                 kept[e] &= of == (matches!(ended, Ended::Fall | Ended::Diverged), *ended == Ended::TimeOut);
             }
-            let found = differences(&read(&gpu, Shown::Observation), &want, width, &kept);
+            let observations = differences(&read(&gpu, Shown::Observation), &want, width, &kept);
             let rewards = differences(&read(&gpu, Shown::Reward), &reward, 1, &kept);
             let finals: Vec<bool> = kept.iter().zip(&ended).map(|(k, e)| *k && *e != Ended::No).collect();
             let finals = differences(&read(&gpu, Shown::LastObservation), &last, width, &finals);
@@ -104,18 +104,22 @@ fn gpu_steps_under_given_actions_are_the_cpus() {
                 println!(
                     "{name}, step {step}: {} together; observations apart by {:?} (half), {:?} (9 of 10), rewards {:?}, {:?}, \
                      last observations {:?}",
-                    found.len(),
-                    at(&found, 0.5),
-                    at(&found, 0.9),
+                    observations.len(),
+                    at(&observations, 0.5),
+                    at(&observations, 0.9),
                     at(&rewards, 0.5),
                     at(&rewards, 0.9),
                     at(&finals, 0.5)
                 );
             }
-            assert!(found.len() * 100 >= ENVIRONMENTS * 90, "{name}, step {step}: {} together", found.len());
+            assert!(
+                observations.len() * 100 >= ENVIRONMENTS * 90,
+                "{name}, step {step}: {} together",
+                observations.len()
+            );
             // As robots of other processors do, these drift apart.
             let most = if step < 3 { 5e-3 } else { 0.1 };
-            assert!(at(&found, 0.5).unwrap() < most, "{name}, step {step}");
+            assert!(at(&observations, 0.5).unwrap() < most, "{name}, step {step}");
         }
         assert!(ends > ENVIRONMENTS, "{name}: {ends} episodes ended");
     }

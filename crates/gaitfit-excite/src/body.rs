@@ -288,9 +288,9 @@ fn gains(
         notes.push("gains are those of the fit's configuration".to_owned());
         return resolved(kp, kd);
     }
-    let all: Vec<usize> = (0..names.len()).collect();
+    let joints: Vec<usize> = (0..names.len()).collect();
     if let Some((policy, source)) = task.map(|(task, source)| (&task.policy, source)) {
-        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &all, what);
+        let resolved = |gain: &gaitfit_learn::task::JointNumber, what| gain.of_joints(model, &joints, what);
         if let (Ok(kp), Ok(kd)) = (resolved(&policy.kp, "kp"), resolved(&policy.kd, "kd")) {
             notes.push(format!(
                 "gains are those that `gaitfit init` computes ({source}); give your robot's own with --kp and --kd"
@@ -299,7 +299,7 @@ fn gains(
         }
     }
     let servos: Option<Vec<[f64; 2]>> =
-        all.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
+        joints.iter().map(|&joint| gaitfit_world::init::servo(model, joint)).collect();
     match servos {
         Some(servos) => {
             notes.push(
@@ -344,10 +344,10 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
 
 /// When each joint moves.
 fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
-    let mut found = vec![None; model.joints.len()];
+    let mut slots = vec![None; model.joints.len()];
     let mut limbs: Vec<usize> = Vec::new();
     for (order, &joint) in moved.iter().enumerate() {
-        found[joint] = Some(match turns {
+        slots[joint] = Some(match turns {
             Turns::All => 0,
             Turns::Joints => order,
             Turns::Limbs => {
@@ -359,7 +359,7 @@ fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
             }
         });
     }
-    found
+    slots
 }
 
 /// The joints that chirps turn if none are named: all hinges that do not follow others.

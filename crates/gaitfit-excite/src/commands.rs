@@ -355,12 +355,12 @@ struct Choice {
 }
 
 impl Choice {
-    fn take(&mut self, sequences: Vec<Sequence>, found: &[Option<Sensitivity>]) {
-        for (sequence, found) in sequences.into_iter().zip(found) {
-            match found {
-                Some(found) => {
+    fn take(&mut self, sequences: Vec<Sequence>, sensitivities: &[Option<Sensitivity>]) {
+        for (sequence, sensitivity) in sequences.into_iter().zip(sensitivities) {
+            match sensitivity {
+                Some(sensitivity) => {
                     self.sequences.push(sequence);
-                    self.information.push(Information::new(found, variance(found)));
+                    self.information.push(Information::new(sensitivity, variance(sensitivity)));
                 }
                 None => self.failed += 1,
             }
@@ -374,22 +374,22 @@ fn asked(patterns: &[String], theta: &Theta) -> Result<Option<Vec<usize>>, Error
         return Ok(None);
     }
     let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
-    let found = covered(patterns, "the fit", &names);
-    found.map(Some).map_err(|error| Error::settings(format!("`parameters` (--parameters): {error}")))
+    let entries = covered(patterns, "the fit", &names);
+    entries.map(Some).map_err(|error| Error::settings(format!("`parameters` (--parameters): {error}")))
 }
 
 /// Entries that logs with these deviations do not identify; all if there are no logs, or they identify all.
 fn unidentified(theta: &Theta, deviation: &[f64], recorded: bool, notes: &mut Vec<String>) -> Vec<usize> {
-    let all = 0..theta.len();
+    let entries = 0..theta.len();
     let left: Vec<usize> =
-        all.clone().filter(|&at| !identifies(&theta.entries()[at], deviation[at])).collect();
+        entries.clone().filter(|&at| !identifies(&theta.entries()[at], deviation[at])).collect();
     if !left.is_empty() {
         return left;
     }
     if recorded {
         notes.push("the configuration's logs identify every parameter: all count".to_owned());
     }
-    all.collect()
+    entries.collect()
 }
 
 /// Geometric mean of each parameter's deviation over random sets of the usual sequences, beside the logs `known`.

@@ -15,8 +15,8 @@ const UNIDENTIFIED: f64 = 30.0;
 
 /// Logarithm of the geometric mean of the deviations of `entries`; an entry that is not identified counts as a huge one.
 fn criterion(information: &Information, entries: &[usize]) -> f64 {
-    let found = information.deviations();
-    entries.iter().map(|&entry| found[entry].ln().min(UNIDENTIFIED)).sum::<f64>()
+    let deviations = information.deviations();
+    entries.iter().map(|&entry| deviations[entry].ln().min(UNIDENTIFIED)).sum::<f64>()
         / entries.len().max(1) as f64
 }
 
@@ -55,8 +55,8 @@ pub(super) fn choose(
         let now = criterion(&but(&chosen, None), entries);
         let swap =
             |place: usize| best(&but(&chosen, Some(place)), &chosen).map(|(value, one)| (value, place, one));
-        let found = (0..chosen.len()).filter_map(swap).min_by(|a, b| a.0.total_cmp(&b.0));
-        match found.filter(|(value, ..)| *value < now - PROGRESS) {
+        let exchange = (0..chosen.len()).filter_map(swap).min_by(|a, b| a.0.total_cmp(&b.0));
+        match exchange.filter(|(value, ..)| *value < now - PROGRESS) {
             Some((_, place, one)) => chosen[place] = one,
             None => break,
         }

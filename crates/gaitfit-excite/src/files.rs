@@ -16,10 +16,10 @@ const NUMBERS: &str = "CHIRP = {}";
 pub(super) fn files(
     settings: &ChirpSettings,
     body: &Body,
-    found: &Safe,
+    safe: &Safe,
 ) -> Result<Vec<(&'static str, String)>, Error> {
     let mut files =
-        vec![("chirp.csv", targets(settings, body, &found.targets)), ("play.py", player(settings, body)?)];
+        vec![("chirp.csv", targets(settings, body, &safe.targets)), ("play.py", player(settings, body)?)];
     if settings.fit.is_none() {
         files.push(("fit.toml", fit(settings, body)));
     }

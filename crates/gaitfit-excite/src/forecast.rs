@@ -54,8 +54,8 @@ pub(super) fn forecast(
     let cost = costs.first().ok_or_else(|| Error::failed("no cost compares the chirp"))?.as_ref();
     let problem =
         Problem { simulator: set.simulator.as_ref(), theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-    let found = sensitivities(problem, &values, Some(settings.difference))?;
-    Ok(found
+    let sensitivities = sensitivities(problem, &values, Some(settings.difference))?;
+    Ok(sensitivities
         .ok_or_else(|| Error::failed("the simulation of the chirp diverges at the start of the search"))?
         .1)
 }

@@ -23,9 +23,9 @@ impl Information {
     }
 
     /// The information in logs whose sensitivity is `found` and whose differences have the variance `variance`.
-    pub fn new(found: &Sensitivity, variance: f64) -> Self {
-        let count = found.curvature.len();
-        let curvature = DMatrix::from_fn(count, count, |i, j| found.curvature[i][j]);
+    pub fn new(sensitivity: &Sensitivity, variance: f64) -> Self {
+        let count = sensitivity.curvature.len();
+        let curvature = DMatrix::from_fn(count, count, |i, j| sensitivity.curvature[i][j]);
         Self { noise: &curvature * variance, curvature }
     }
 
@@ -74,15 +74,19 @@ mod tests {
 
     #[test]
     fn deviations_are_those_of_the_inverse() {
-        let found =
+        let deviations =
             Information::from_curvature(DMatrix::from_row_slice(2, 2, &[4.0, 2.0, 2.0, 3.0])).deviations();
-        assert!((found[0] - (3.0f64 / 8.0).sqrt()).abs() < 1e-6 && (found[1] - 0.5f64.sqrt()).abs() < 1e-6);
-        let found = Information::from_curvature(DMatrix::from_diagonal(&vec![4.0, 0.0].into())).deviations();
-        assert!((found[0] - 0.5).abs() < 1e-6 && found[1] == f64::INFINITY);
+        assert!(
+            (deviations[0] - (3.0f64 / 8.0).sqrt()).abs() < 1e-6
+                && (deviations[1] - 0.5f64.sqrt()).abs() < 1e-6
+        );
+        let deviations =
+            Information::from_curvature(DMatrix::from_diagonal(&vec![4.0, 0.0].into())).deviations();
+        assert!((deviations[0] - 0.5).abs() < 1e-6 && deviations[1] == f64::INFINITY);
         // Two that act alike: neither is identified.
-        let found =
+        let deviations =
             Information::from_curvature(DMatrix::from_row_slice(2, 2, &[1.0, 2.0, 2.0, 4.0])).deviations();
-        assert!(found.iter().all(|one| *one > 1e3), "{found:?}");
+        assert!(deviations.iter().all(|one| *one > 1e3), "{deviations:?}");
     }
 
     #[test]

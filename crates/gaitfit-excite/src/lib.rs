@@ -92,9 +92,9 @@ pub fn chirp(settings: &ChirpSettings, watch: &Watch<'_>) -> Result<Chirp, Error
     settings.check()?;
     let body = body::Body::read(settings)?;
     let trial = safe::Trial::new(settings, &body)?;
-    let found = safe::shrink(settings, &body, &trial, watch)?;
-    let forecast = forecast::forecast(settings, &body, &found.targets, trial.theta())?;
-    let expected = body.trajectory(settings.rate, &found.targets, found.expected.clone());
+    let safe = safe::shrink(settings, &body, &trial, watch)?;
+    let forecast = forecast::forecast(settings, &body, &safe.targets, trial.theta())?;
+    let expected = body.trajectory(settings.rate, &safe.targets, safe.expected.clone());
     let mut notes = body.notes.clone();
     notes.push(
         "the robot's own parts do not touch each other in the simulation: watch the first run with a hand on the stop"
@@ -102,15 +102,15 @@ pub fn chirp(settings: &ChirpSettings, watch: &Watch<'_>) -> Result<Chirp, Error
     );
     Ok(Chirp {
         robot: body.model.name.clone(),
-        seconds: found.sweep.samples() as f64 / settings.rate,
-        samples: found.sweep.samples(),
+        seconds: safe.sweep.samples() as f64 / settings.rate,
+        samples: safe.sweep.samples(),
         robots: trial.robots(),
-        rounds: found.rounds,
-        joints: found.swept(&body),
+        rounds: safe.rounds,
+        joints: safe.swept(&body),
         difference: settings.difference,
         parameters: forecast,
         notes,
-        files: files::files(settings, &body, &found)?,
+        files: files::files(settings, &body, &safe)?,
         expected,
     })
 }

@@ -84,18 +84,18 @@ impl Look<'_> {
         let what = "identification by command sequences";
         let counting =
             watch.begin(Work { what, total: logs.len(), first: 0, parts: "sequences", seed: None });
-        let mut found = Vec::with_capacity(logs.len());
+        let mut sensitivities = Vec::with_capacity(logs.len());
         for (number, log) in logs.into_iter().enumerate() {
             if watch.stop() {
                 return Err(interrupted());
             }
-            found.push(match log {
+            sensitivities.push(match log {
                 Some(log) => self.sensitivity(vec![log], whole)?,
                 None => None,
             });
             counting.step(number + 1, 1, "");
         }
-        Ok(found)
+        Ok(sensitivities)
     }
 
     /// What the configuration's logs tell, if it names any, in the scaling of `whole`. `variance`:
@@ -108,13 +108,13 @@ impl Look<'_> {
         let (policy, task) = (&self.robot.policy, &self.robot.task);
         let notes = read(&self.config.logs, Use::Validation, self.config, self.path, policy, task)?;
         let seconds = notes.logs.iter().map(|log| log.trajectory.duration()).sum();
-        let found = self.sensitivity(notes.logs, whole)?.ok_or_else(|| {
+        let sensitivity = self.sensitivity(notes.logs, whole)?.ok_or_else(|| {
             Error::failed(
                 "the simulation diverges on the given logs: give a theta.toml near the robot (--theta)",
             )
         })?;
         Ok(Some(OnRecord {
-            information: Information::new(&found, variance),
+            information: Information::new(&sensitivity, variance),
             seconds,
             doubts: notes.warnings,
         }))
@@ -168,8 +168,8 @@ pub(super) struct OnRecord {
 }
 
 /// Variance of what a log's differences put into a fit.
-pub(super) fn variance(found: &Sensitivity) -> f64 {
-    found.difference * found.difference * found.together
+pub(super) fn variance(sensitivity: &Sensitivity) -> f64 {
+    sensitivity.difference * sensitivity.difference * sensitivity.together
 }
 
 /// That the watch stopped it.

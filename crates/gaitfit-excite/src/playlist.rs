@@ -56,7 +56,7 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
     if lines.next().is_none_or(|(_, header)| !header.split(',').map(str::trim).eq(COLUMNS.split(','))) {
         return Err(format!("no file of commands; its header is {COLUMNS}"));
     }
-    let mut found: Vec<Sequence> = Vec::new();
+    let mut sequences: Vec<Sequence> = Vec::new();
     for (number, line) in lines {
         let wrong = |what: &str| Err(format!("line {}: {what}", number + 1));
         let numbers: Option<Vec<f64>> = line.split(',').map(|word| word.trim().parse().ok()).collect();
@@ -69,11 +69,11 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
         if !command.iter().all(|value| value.abs() <= MAX_COMMAND) {
             return wrong("a command is a number of at most 100 m/s or rad/s");
         }
-        if *trajectory == found.len() as f64 && found.len() < MAX_SEQUENCES {
-            found.push(Sequence::default());
+        if *trajectory == sequences.len() as f64 && sequences.len() < MAX_SEQUENCES {
+            sequences.push(Sequence::default());
         }
-        let last = found.len() as f64 - 1.0;
-        let Some(sequence) = found.last_mut().filter(|_| *trajectory == last) else {
+        let last = sequences.len() as f64 - 1.0;
+        let Some(sequence) = sequences.last_mut().filter(|_| *trajectory == last) else {
             return wrong("trajectories are numbered 0, 1, 2, one after another, and are at most 100000");
         };
         let rises = match sequence.steps.last() {
@@ -85,7 +85,7 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
         }
         sequence.steps.push((*time, command));
     }
-    if found.is_empty() { Err("it holds no commands".to_owned()) } else { Ok(found) }
+    if sequences.is_empty() { Err("it holds no commands".to_owned()) } else { Ok(sequences) }
 }
 
 #[cfg(test)]

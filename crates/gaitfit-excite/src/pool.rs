@@ -43,8 +43,8 @@ impl<'a> Pool<'a> {
         (0..count).map(one).collect()
     }
 
-    /// `count` variants of the sequences `of`, in turn, clear of those with smaller numbers than `first`.
-    pub fn variants(&self, of: &[&Sequence], first: usize, count: usize) -> Vec<Sequence> {
+    /// `count` variants of `sequences`, in turn, clear of those with smaller numbers than `first`.
+    pub fn variants(&self, sequences: &[&Sequence], first: usize, count: usize) -> Vec<Sequence> {
         let one = |number: usize| {
             let stream = self.stream(first + number);
             let step = |(at, (time, command)): (usize, &(f64, [f64; 3]))| {
@@ -55,9 +55,11 @@ impl<'a> Pool<'a> {
                 };
                 (*time, std::array::from_fn(moved))
             };
-            Sequence { steps: of[number % of.len()].steps.iter().enumerate().map(step).collect() }
+            Sequence {
+                steps: sequences[number % sequences.len()].steps.iter().enumerate().map(step).collect(),
+            }
         };
-        (0..if of.is_empty() { 0 } else { count }).map(one).collect()
+        (0..if sequences.is_empty() { 0 } else { count }).map(one).collect()
     }
 
     fn stream(&self, number: usize) -> Stream {
@@ -156,11 +158,12 @@ mod tests {
         let usual = ranges();
         let pool = Pool::new(&usual, 1.0, 4.0, 3);
         let one = Sequence { steps: vec![(0.0, [1.0, 0.0, -0.5]), (2.0, [0.5, 0.4, 0.0])] };
-        let found = pool.variants(&[&one], 100, 40);
-        assert!(found.iter().all(|variant| variant.steps[1].0 == 2.0 && *variant != one));
-        let commands = || found.iter().flat_map(|variant| variant.steps.iter().map(|(_, command)| *command));
+        let variants = pool.variants(&[&one], 100, 40);
+        assert!(variants.iter().all(|variant| variant.steps[1].0 == 2.0 && *variant != one));
+        let commands =
+            || variants.iter().flat_map(|variant| variant.steps.iter().map(|(_, command)| *command));
         assert!(commands().all(|command| within(command, [usual.x, usual.y, usual.yaw])));
-        let mean = found.iter().map(|variant| variant.steps[0].1[2]).sum::<f64>() / 40.0;
+        let mean = variants.iter().map(|variant| variant.steps[0].1[2]).sum::<f64>() / 40.0;
         assert!((mean + 0.5).abs() < 0.15, "{mean}");
         assert!(pool.variants(&[], 0, 40).is_empty());
     }

@@ -199,10 +199,10 @@ impl<'a> Trial<'a> {
         let recording = body.recording(self.rate, targets.to_vec());
         let simulator = ReplaySimulator::new(&body.model, vec![recording], options, self.threads)
             .map_err(Error::failed)?;
-        let found = Mutex::new(vec![Vec::new(); self.robots.len() + 1]);
+        let peaks = Mutex::new(vec![Vec::new(); self.robots.len() + 1]);
         let expected = Mutex::new([Vec::new(), Vec::new()]);
-        let keep = |at: usize, peaks: Vec<Peak>| {
-            found.lock().unwrap_or_else(PoisonError::into_inner)[at] = peaks;
+        let keep = |at: usize, values: Vec<Peak>| {
+            peaks.lock().unwrap_or_else(PoisonError::into_inner)[at] = values;
         };
         let of_bounds = |at: usize, _: usize, signals: Signals<'_>| {
             let candidate = simulator.candidate(&self.theta, &self.robots[at]);
@@ -231,7 +231,7 @@ impl<'a> Trial<'a> {
             return Err(stopped());
         }
         Ok(Played {
-            peaks: found.into_inner().unwrap_or_else(PoisonError::into_inner),
+            peaks: peaks.into_inner().unwrap_or_else(PoisonError::into_inner),
             expected: expected.into_inner().unwrap_or_else(PoisonError::into_inner),
         })
     }

@@ -21,23 +21,23 @@ fn short() -> ChirpSettings {
     ChirpSettings { seconds: 2.0, ease: 0.3, rate: 100.0, frequency: [0.5, 5.0], ..ChirpSettings::new(robot) }
 }
 
-fn found(settings: &ChirpSettings) -> Result<Chirp, Error> {
+fn make(settings: &ChirpSettings) -> Result<Chirp, Error> {
     chirp(settings, &Watch::silent())
 }
 
 #[test]
 fn limits_hold_on_a_robot_that_was_not_tried() {
     let settings = ChirpSettings { amplitude: 1.0, frequency: [0.5, 8.0], ..short() };
-    let found = found(&settings).unwrap();
-    assert_eq!((found.joints.len(), found.samples), (12, 300));
-    assert!(found.joints.iter().any(|joint| joint.limited_by.is_some() && joint.amplitude < 0.9));
+    let chirp = make(&settings).unwrap();
+    assert_eq!((chirp.joints.len(), chirp.samples), (12, 300));
+    assert!(chirp.joints.iter().any(|joint| joint.limited_by.is_some() && joint.amplitude < 0.9));
     assert!(
-        found.joints.iter().all(|joint| joint.amplitude > 0.02 && joint.torque < 0.9 * joint.torque_limit)
+        chirp.joints.iter().all(|joint| joint.amplitude > 0.02 && joint.torque < 0.9 * joint.torque_limit)
     );
-    assert!(found.parameters.iter().filter(|one| one.name.starts_with("armature")).all(|one| one.identified));
+    assert!(chirp.parameters.iter().filter(|one| one.name.starts_with("armature")).all(|one| one.identified));
     // In finer steps, solved to the end.
     let body = Body::read(&settings).unwrap();
-    let targets = found.expected.target.clone().unwrap();
+    let targets = chirp.expected.target.clone().unwrap();
     let mut base = Candidate::nominal(&body.model);
     base.robot.armature.fill(0.043);
     base.robot.frictionloss.fill(0.31);
@@ -45,8 +45,8 @@ fn limits_hold_on_a_robot_that_was_not_tried() {
     let replay =
         Replay::new(&body.model, vec![body.recording(settings.rate, targets.clone())], options).unwrap();
     let signals = Mutex::new([Vec::new(), Vec::new()]);
-    let keep = |_: usize, _: usize, found: &JointSignals| {
-        *signals.lock().unwrap() = [found.position.clone(), found.velocity.clone()];
+    let keep = |_: usize, _: usize, track: &JointSignals| {
+        *signals.lock().unwrap() = [track.position.clone(), track.velocity.clone()];
     };
     Cpu { threads: 1 }.replay(&replay, &[base.robot], &keep, &gaitfit_adapt::never).unwrap();
     let [position, velocity] = signals.into_inner().unwrap();
@@ -65,9 +65,9 @@ fn limits_hold_on_a_robot_that_was_not_tried() {
 #[test]
 fn a_seed_gives_the_same_chirp_whatever_the_threads() {
     let threads = |count| ChirpSettings { threads: std::num::NonZeroUsize::new(count), ..short() };
-    let (one, two) = (found(&threads(1)).unwrap(), found(&threads(2)).unwrap());
+    let (one, two) = (make(&threads(1)).unwrap(), make(&threads(2)).unwrap());
     assert_eq!((&one.files, &one.expected, &one.joints), (&two.files, &two.expected, &two.joints));
-    let other = found(&ChirpSettings { seed: 1, ..short() }).unwrap();
+    let other = make(&ChirpSettings { seed: 1, ..short() }).unwrap();
     assert!(one.files != other.files);
     let smaller = |joint: &Swept| joint.amplitude < 0.3 || joint.top_hz < 4.0;
     assert!(
@@ -79,10 +79,10 @@ fn a_seed_gives_the_same_chirp_whatever_the_threads() {
 fn one_limb_moves_at_a_time() {
     let settings =
         ChirpSettings { turns: Turns::Limbs, joints: vec!["F*".to_owned(), "RL_hip".to_owned()], ..short() };
-    let found = found(&settings).unwrap();
+    let chirp = make(&settings).unwrap();
     // Three turns and half a second at each end.
-    assert_eq!((found.joints.len(), found.samples), (7, 3 * 200 + 100));
-    let targets = found.expected.target.as_ref().unwrap();
+    assert_eq!((chirp.joints.len(), chirp.samples), (7, 3 * 200 + 100));
+    let targets = chirp.expected.target.as_ref().unwrap();
     let moved = |sample: usize, joint: usize| targets[sample * 12 + joint] != targets[joint];
     let limbs = |sample: usize| (0..4).filter(|limb| (0..3).any(|k| moved(sample, limb * 3 + k))).count();
     assert!(
@@ -122,7 +122,7 @@ fn bad_inputs_are_refused_by_name() {
         (ChirpSettings { fit: Some("none.toml".into()), ..short() }, "none.toml"),
     ];
     for (settings, words) in cases {
-        let error = found(&settings).unwrap_err().to_string();
+        let error = make(&settings).unwrap_err().to_string();
         assert!(error.contains(words), "`{words}` is not in `{error}`");
     }
 }
@@ -133,7 +133,7 @@ fn a_robot_without_limits_needs_them() {
     let robot = folder.path().join("bare.xml");
     std::fs::write(&robot, BARE).unwrap();
     let bare = ChirpSettings { robot, ..short() };
-    let refused = |settings: &ChirpSettings| found(settings).unwrap_err().to_string();
+    let refused = |settings: &ChirpSettings| make(settings).unwrap_err().to_string();
     assert!(refused(&bare).contains("--kp"), "{}", refused(&bare));
     let gains = (Some(PerJoint::All(30.0)), Some(PerJoint::All(1.0)));
     let driven = ChirpSettings { kp: gains.0, kd: gains.1, ..bare };
@@ -141,7 +141,7 @@ fn a_robot_without_limits_needs_them() {
     // Its weight alone is 2 N·m.
     let weak = ChirpSettings { torque_limit: Some(2.0), ..driven.clone() };
     assert!(refused(&weak).contains("swing at rest uses"), "{}", refused(&weak));
-    let strong = found(&ChirpSettings { torque_limit: Some(20.0), ..driven }).unwrap();
+    let strong = make(&ChirpSettings { torque_limit: Some(20.0), ..driven }).unwrap();
     let joint = &strong.joints[0];
     assert!(joint.torque < 18.0 && (joint.range[1] - 0.45).abs() < 1e-9, "{joint:?}");
     assert!(strong.notes.iter().any(|note| note.contains("no range of swing")), "{:?}", strong.notes);
@@ -151,7 +151,7 @@ fn a_robot_without_limits_needs_them() {
 #[test]
 fn changed_files_are_not_overwritten_unasked() {
     let folder = tempfile::tempdir().unwrap();
-    let chirp = found(&short()).unwrap();
+    let chirp = make(&short()).unwrap();
     chirp.write(folder.path(), false).unwrap();
     // What is the same may be written again.
     chirp.write(folder.path(), false).unwrap();

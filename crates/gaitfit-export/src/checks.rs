@@ -28,8 +28,8 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result
         }
         let Some(unit) = unit(parameter, model) else { continue };
         if !parameter.unit.is_empty() && parameter.unit != unit {
-            let found = shown(&parameter.unit);
-            let what = format!("is in `{found}`, and {} is in `{unit}`", shown(&parameter.kind));
+            let written = shown(&parameter.unit);
+            let what = format!("is in `{written}`, and {} is in `{unit}`", shown(&parameter.kind));
             return refuse(parameter, format!("{what}; convert value and interval, and write that unit"));
         }
     }

@@ -12,13 +12,13 @@ pub(super) const LOADER: &str = include_str!("load_theta.py");
 pub(super) const DRIVE: &str = include_str!("drive.py");
 
 /// `{"a": 1.0, "b": 2.0}` of a number of each joint; one number where all are the same.
-fn table(joints: &[JointNumbers], of: impl Fn(&JointNumbers) -> f64) -> String {
-    let first = joints.first().map_or(0.0, &of);
-    if joints.iter().all(|joint| of(joint) == first) {
+fn table(joints: &[JointNumbers], number: impl Fn(&JointNumbers) -> f64) -> String {
+    let first = joints.first().map_or(0.0, &number);
+    if joints.iter().all(|joint| number(joint) == first) {
         return format!("{first:?}");
     }
     let entries: Vec<String> =
-        joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, of(joint))).collect();
+        joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, number(joint))).collect();
     format!("{{{}}}", entries.join(", "))
 }
 
@@ -64,7 +64,8 @@ pub(super) fn isaac_lab(
 ) -> String {
     let names: Vec<String> = joints.iter().map(|joint| format!("{:?}", joint.name)).collect();
     let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
-    let gain = |of: fn(&JointNumbers) -> f64| if gains { table(joints, of) } else { "None".to_owned() };
+    let gain =
+        |number: fn(&JointNumbers) -> f64| if gains { table(joints, number) } else { "None".to_owned() };
     let limited: Vec<&JointNumbers> = joints.iter().filter(|joint| joint.torque_limit.is_finite()).collect();
     let limits: Vec<String> =
         limited.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.torque_limit)).collect();

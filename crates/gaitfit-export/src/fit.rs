@@ -37,8 +37,8 @@ impl Fit {
         if self.config.robot.is_empty() {
             return Ok(None);
         }
-        let found = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
-        Ok(Some((found, settings.lenient || self.config.lenient)))
+        let path = paths::find(&self.config.robot, "robot", &self.path).map_err(advised)?;
+        Ok(Some((path, settings.lenient || self.config.lenient)))
     }
 
     /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
@@ -83,15 +83,15 @@ fn advised(error: Error) -> Error {
     error.advised("Or give the robot's file with --robot.")
 }
 
-/// Gains of the joints `of` the robot; 0 for the others, which nothing drives.
-fn spread(gains: &Gains, of: &[usize], model: &Model) -> Gains {
+/// Gains of the joints `driven` of the robot; 0 for the others, which nothing drives.
+fn spread(gains: &Gains, driven: &[usize], model: &Model) -> Gains {
     let joints = model.joints.len();
-    let mut all = Gains { kp: vec![0.0; joints], kd: vec![0.0; joints] };
-    for (at, &joint) in of.iter().enumerate() {
-        all.kp[joint] = gains.kp.get(at).copied().unwrap_or_default();
-        all.kd[joint] = gains.kd.get(at).copied().unwrap_or_default();
+    let mut spread = Gains { kp: vec![0.0; joints], kd: vec![0.0; joints] };
+    for (at, &joint) in driven.iter().enumerate() {
+        spread.kp[joint] = gains.kp.get(at).copied().unwrap_or_default();
+        spread.kd[joint] = gains.kd.get(at).copied().unwrap_or_default();
     }
-    all
+    spread
 }
 
 /// The gains of the policy read from `path`, one a joint of the robot.

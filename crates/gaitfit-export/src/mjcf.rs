@@ -176,9 +176,9 @@ fn base(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidat
 fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidate, edits: &mut Edits) {
     let changes = candidate.robot.body_changes(model);
     let changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
-    let found: Option<Vec<_>> =
+    let inertials: Option<Vec<_>> =
         changed.map(|(body, change)| Some((inertial(document, &body.name)?, change))).collect();
-    for (inertial, change) in found.unwrap_or_default() {
+    for (inertial, change) in inertials.unwrap_or_default() {
         for name in ["mass", "diaginertia", "fullinertia"] {
             if let Some(numbers) = numbers(inertial, name).filter(|_| change.factor != 1.0) {
                 let scaled: Vec<String> = numbers.iter().map(|one| number(change.factor * one)).collect();

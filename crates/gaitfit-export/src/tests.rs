@@ -221,13 +221,13 @@ fn an_exported_urdf_has_friction_and_damping() {
     let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
     let own = Robot::nominal(&again);
     assert_eq!((&own.damping, &own.frictionloss), (&candidate.robot.damping, &candidate.robot.frictionloss));
-    let found = own.params(&again).unwrap().links;
+    let links = own.params(&again).unwrap().links;
     let mut bare = candidate.robot.clone();
     (bare.payload_mass, bare.armature) = (0.0, own.armature.clone());
-    for (found, wanted) in found.iter().zip(bare.params(&model).unwrap().links).skip(1) {
-        assert!((found.mass - wanted.mass).abs() < 1e-12);
-        assert!(found.com.iter().zip(wanted.com).all(|(a, b)| (a - b).abs() < 1e-12));
-        assert!(found.inertia.iter().zip(wanted.inertia).all(|(a, b)| (a - b).abs() < 1e-12));
+    for (link, wanted) in links.iter().zip(bare.params(&model).unwrap().links).skip(1) {
+        assert!((link.mass - wanted.mass).abs() < 1e-12);
+        assert!(link.com.iter().zip(wanted.com).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(link.inertia.iter().zip(wanted.inertia).all(|(a, b)| (a - b).abs() < 1e-12));
     }
     let armature = exported.rows.iter().find(|row| row.name == "armature").unwrap();
     assert!(!armature.in_robot_file);
@@ -351,13 +351,13 @@ fn python_mujoco_moves_as_the_fitted_robot() {
         let recording = recording(&model, &gains);
         let options = ReplayOptions { substeps: 20, preset: Preset::Converged, max_delay: 0.01, isa: None };
         let replay = Replay::new(&model, vec![recording.clone()], options).unwrap();
-        let found = Mutex::new(Vec::new());
+        let positions = Mutex::new(Vec::new());
         let robot = candidate.robot.clone();
         Cpu { threads: 1 }
             .replay(
                 &replay,
                 &[robot],
-                &|_, _, signals| *found.lock().unwrap() = signals.position.clone(),
+                &|_, _, signals| *positions.lock().unwrap() = signals.position.clone(),
                 &|| false,
             )
             .unwrap();
@@ -371,7 +371,7 @@ fn python_mujoco_moves_as_the_fitted_robot() {
         let given = serde_json::json!({
             "joints": model.joints.iter().map(|joint| &joint.name).collect::<Vec<_>>(), "target": recording.target,
             "q0": recording.q0, "bias": candidate.robot.joints(JointParameter::EncoderBias),
-            "position": found.into_inner().unwrap(), "kp": 30.0, "kd": 1.0, "drive": delay > 0.0,
+            "position": positions.into_inner().unwrap(), "kp": 30.0, "kd": 1.0, "drive": delay > 0.0,
         });
         std::fs::write(folder.path().join("given.json"), given.to_string()).unwrap();
         let output = std::process::Command::new(PathBuf::from(&root).join(".venv/bin/python"))
@@ -429,13 +429,13 @@ fn a_delay_between_two_steps_is_never_rounded_in_silence() {
     let notes = |delay: f64, step: f64| {
         let file = theta_of(&model, delay);
         let candidate = file.candidate(&model).unwrap();
-        let found =
+        let export =
             files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model)), step).unwrap();
         let code = ["isaac_lab.py", "mjlab_robot.py"].map(|wanted| {
-            let (_, bytes) = found.files.iter().find(|(name, _)| name == wanted).unwrap();
+            let (_, bytes) = export.files.iter().find(|(name, _)| name == wanted).unwrap();
             String::from_utf8(bytes.clone()).unwrap().contains("DELAY ROUNDED")
         });
-        (found.notes.into_iter().find(|note| note.contains("DELAY ROUNDED")), code)
+        (export.notes.into_iter().find(|note| note.contains("DELAY ROUNDED")), code)
     };
     let (note, code) = notes(0.008, 0.005);
     let note = note.unwrap();

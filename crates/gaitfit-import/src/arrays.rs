@@ -91,8 +91,8 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), Problem> {
 /// Refuses positions with another number of rows than there are times.
 fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Problem> {
     let array = |wanted: Role| {
-        let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
-        found.filter(|(_, array)| !array.shape.is_empty())
+        let entry = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
+        entry.filter(|(_, array)| !array.shape.is_empty())
     };
     let (Some((time, _)), Some((position, array))) = (array(Role::Time), array(Role::Position)) else {
         return Ok(());
@@ -158,12 +158,12 @@ pub(crate) fn source(
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];
     for (name, array) in &arrays.numbers {
         let role = role_of(name, mapping);
-        let (found, width) = array.rows_and_width();
+        let (length, width) = array.rows_and_width();
         match role {
             // One gain a joint, or one for all; gains of every sample are columns.
-            Some(Role::Kp) if found != rows || array.shape.len() < 2 => gains[0] = Some(array.data.clone()),
-            Some(Role::Kd) if found != rows || array.shape.len() < 2 => gains[1] = Some(array.data.clone()),
-            _ if found != rows || array.shape.is_empty() => {
+            Some(Role::Kp) if length != rows || array.shape.len() < 2 => gains[0] = Some(array.data.clone()),
+            Some(Role::Kd) if length != rows || array.shape.len() < 2 => gains[1] = Some(array.data.clone()),
+            _ if length != rows || array.shape.is_empty() => {
                 source.left_out.push(format!("{}: shape {:?}, not {rows} rows", shown(name), array.shape));
             }
             Some(Role::Time) if width == 1 && table.time.is_empty() => {

@@ -251,7 +251,7 @@ fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Opt
 
 /// What the joints' columns called `prefix` hold, one row a sample; empty unless all joints have one.
 fn of_all(prefix: &str, joints: &[String], columns: &IndexMap<String, Vec<f64>>, samples: usize) -> Vec<f64> {
-    let found: Vec<&Vec<f64>> =
+    let series: Vec<&Vec<f64>> =
         joints.iter().filter_map(|joint| columns.get(&format!("{prefix}{joint}"))).collect();
-    if found.len() == joints.len() { interleave(&found, samples) } else { Vec::new() }
+    if series.len() == joints.len() { interleave(&series, samples) } else { Vec::new() }
 }

@@ -132,16 +132,16 @@ impl Frame {
         let time = time_column(&names, mapping)?;
         let mut sparse = Sparse::default();
         let mut typed = false;
-        for (place, (column, found)) in self.columns.into_iter().enumerate() {
+        for (place, (label, column)) in self.columns.into_iter().enumerate() {
             if Some(place) != time {
-                sparse.columns.insert(column, (found.rows, found.values.reals()));
+                sparse.columns.insert(label, (column.rows, column.values.reals()));
                 continue;
             }
-            if found.values.len() != self.rows {
-                return Err(TableError::NoTime(column).into());
+            if column.values.len() != self.rows {
+                return Err(TableError::NoTime(label).into());
             }
-            typed = found.per_second.is_some();
-            sparse.time = Column::reals(found.values, found.per_second);
+            typed = column.per_second.is_some();
+            sparse.time = Column::reals(column.values, column.per_second);
         }
         if time.is_none() {
             sparse.time = (0..self.rows).map(|row| row as f64).collect();
@@ -170,28 +170,28 @@ impl Frame {
     ) -> Result<Source, Problem> {
         let mut arrays = Arrays::default();
         let (mut left_out, mut typed) = (Vec::new(), Vec::new());
-        for (column, found) in self.columns {
-            let Column { lengths, values, per_second, .. } = found;
+        for (label, column) in self.columns {
+            let Column { lengths, values, per_second, .. } = column;
             let rows = self.rows;
             let shape = match lengths {
                 None if values.len() == rows => vec![rows],
                 None => {
-                    left_out.push(format!("{}: rows without a value", shown(&column)));
+                    left_out.push(format!("{}: rows without a value", shown(&label)));
                     continue;
                 }
                 Some(lengths) => {
                     let width = lengths.first().copied().unwrap_or(0);
                     if lengths.len() != rows || width == 0 || lengths.iter().any(|length| *length != width) {
-                        left_out.push(format!("{}: lists of different lengths, or none", shown(&column)));
+                        left_out.push(format!("{}: lists of different lengths, or none", shown(&label)));
                         continue;
                     }
                     vec![rows, width as usize]
                 }
             };
             if per_second.is_some() {
-                typed.push(column.clone());
+                typed.push(label.clone());
             }
-            arrays.numbers.insert(column, Array { shape, data: Column::reals(values, per_second) });
+            arrays.numbers.insert(label, Array { shape, data: Column::reals(values, per_second) });
         }
         let mut source = arrays::source(name, kind, arrays, mapping, budget)?;
         for table in &mut source.tables {

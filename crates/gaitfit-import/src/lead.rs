@@ -156,15 +156,15 @@ mod tests {
     fn a_target_is_in_the_row_that_it_answers() {
         for (step, late) in [(0.005, 0.0003), (0.005, 0.001), (0.005, 0.002), (0.02, 0.002), (0.02, 0.016)] {
             let state = even(200, step);
-            let found = placed(&state, &messages(&state, |_| late));
-            assert_eq!(found.rows, (0..200).map(Some).collect::<Vec<_>>(), "{step} {late}");
-            assert_eq!(found.lead, Some(Lead { seconds: late, spread: 0.0 }));
+            let placement = placed(&state, &messages(&state, |_| late));
+            assert_eq!(placement.rows, (0..200).map(Some).collect::<Vec<_>>(), "{step} {late}");
+            assert_eq!(placement.lead, Some(Lead { seconds: late, spread: 0.0 }));
         }
         // Stamps a little early are early, not a whole interval late.
         let state = even(200, 0.02);
-        let found = placed(&state, &messages(&state, |_| -0.001));
-        assert_eq!(found.rows, (0..200).map(Some).collect::<Vec<_>>());
-        assert_eq!(found.lead, Some(Lead { seconds: -0.001, spread: 0.0 }));
+        let placement = placed(&state, &messages(&state, |_| -0.001));
+        assert_eq!(placement.rows, (0..200).map(Some).collect::<Vec<_>>());
+        assert_eq!(placement.lead, Some(Lead { seconds: -0.001, spread: 0.0 }));
         // At the row's own time there is nothing to keep.
         assert_eq!(placed(&state, &messages(&state, |_| 0.0)).lead, None);
     }
@@ -172,9 +172,9 @@ mod tests {
     #[test]
     fn leads_that_vary_keep_their_rows_and_their_spread() {
         let state = even(500, 0.005);
-        let found = placed(&state, &messages(&state, |row| 0.002 + 0.0001 * ((row * 8) % 21) as f64));
-        assert_eq!(found.rows, (0..500).map(Some).collect::<Vec<_>>());
-        let lead = found.lead.unwrap_or(Lead { seconds: 0.0, spread: 0.0 });
+        let placement = placed(&state, &messages(&state, |row| 0.002 + 0.0001 * ((row * 8) % 21) as f64));
+        assert_eq!(placement.rows, (0..500).map(Some).collect::<Vec<_>>());
+        let lead = placement.lead.unwrap_or(Lead { seconds: 0.0, spread: 0.0 });
         assert!((lead.seconds - 0.003).abs() < 1e-4, "{lead:?}");
         assert!((0.0008..0.0011).contains(&lead.spread), "{lead:?}");
     }
@@ -185,10 +185,10 @@ mod tests {
         let table = messages(&state, |_| 0.002);
         let mut left = state.clone();
         left.drain(40..45);
-        let found = placed(&left, &table);
-        assert_eq!(found.rows[39], Some(39));
-        assert_eq!(found.rows[40], Some(45));
-        assert_eq!(found.lead.map(|lead| lead.seconds), Some(0.002));
+        let placement = placed(&left, &table);
+        assert_eq!(placement.rows[39], Some(39));
+        assert_eq!(placement.rows[40], Some(45));
+        assert_eq!(placement.lead.map(|lead| lead.seconds), Some(0.002));
     }
 
     #[test]
@@ -199,10 +199,10 @@ mod tests {
         let values: Vec<f64> = (0..500).map(|message| f64::from(message / 10)).collect();
         let columns = [("qdes_a".to_owned(), values.clone())].into_iter().collect();
         let table = Table { name: "/t".into(), time, columns, ..Table::default() };
-        let found = placed(&state, &table);
-        let held: Vec<f64> = found.rows.iter().flatten().map(|message| values[*message]).collect();
+        let placement = placed(&state, &table);
+        let held: Vec<f64> = placement.rows.iter().flatten().map(|message| values[*message]).collect();
         assert_eq!(held, (0..50).map(f64::from).collect::<Vec<_>>());
-        assert_eq!(found.lead, Some(Lead { seconds: 0.001, spread: 0.0 }));
+        assert_eq!(placement.lead, Some(Lead { seconds: 0.001, spread: 0.0 }));
     }
 
     #[test]
@@ -211,8 +211,8 @@ mod tests {
         let time: Vec<f64> = (0..500).map(|message| f64::from(message) * 0.002).collect();
         let columns = [("qdes_a".to_owned(), time.clone())].into_iter().collect();
         let table = Table { name: "/t".into(), time, columns, ..Table::default() };
-        let found = placed(&state, &table);
-        assert!(found.faster && found.lead.is_none());
-        assert_eq!(found.rows, (0..50).map(|row| Some(10 * row)).collect::<Vec<_>>());
+        let placement = placed(&state, &table);
+        assert!(placement.faster && placement.lead.is_none());
+        assert_eq!(placement.rows, (0..50).map(|row| Some(10 * row)).collect::<Vec<_>>());
     }
 }

@@ -113,10 +113,10 @@ fn records(
                 }
             }
             op::METADATA => {
-                if let Record::Metadata(found) = parse(code, body)?
-                    && found.name == METADATA
+                if let Record::Metadata(metadata) = parse(code, body)?
+                    && metadata.name == METADATA
                 {
-                    messages.take_metadata(found.metadata);
+                    messages.take_metadata(metadata.metadata);
                 }
             }
             // Indexes, statistics, attachments.

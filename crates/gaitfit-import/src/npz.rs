@@ -150,8 +150,8 @@ mod tests {
             let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
             let length = u16::try_from(text.len()).unwrap().to_le_bytes();
             let file = [b"\x93NUMPY\x01\x00".as_slice(), &length, text.as_bytes(), &[0; 96]].concat();
-            let found = add("q", &file, &mut Arrays::default(), &mut Budget::new(1000, 1000));
-            assert!(found.is_err(), "{shape}");
+            let result = add("q", &file, &mut Arrays::default(), &mut Budget::new(1000, 1000));
+            assert!(result.is_err(), "{shape}");
         }
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let refused = |what, remedy: String| Err(ImportError::Refused { path: path.to_owned(), what, remedy });
-    let found = match kind {
+    let source = match kind {
         Kind::Mcap => {
             let mut messages = Messages::new(mapping);
             mcap::read(&bytes, &mut messages, &mut budget).and_then(|cut| finish(messages, kind, cut))
@@ -108,7 +108,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         }
         Kind::Zstd => Err(Problem::PackedTwice),
     };
-    found.map_err(|problem| content(path, kind, problem))
+    source.map_err(|problem| content(path, kind, problem))
 }
 
 /// How to make an npz file of a kind that this build does not read.
@@ -184,7 +184,7 @@ fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, 
     }
     let mut messages = Messages::new(&options.mapping);
     let mut cut = false;
-    let mut found = Kind::Mcap;
+    let mut storage = Kind::Mcap;
     for path in &files {
         let mut bytes = read(path, options.max_bytes)?;
         if kind(&bytes) == Some(Kind::Zstd) {
@@ -193,28 +193,28 @@ fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, 
         let read = match kind(&bytes) {
             Some(Kind::Mcap) => mcap::read(&bytes, &mut messages, budget).map(|was| cut |= was),
             Some(Kind::Sqlite) => {
-                found = Kind::Sqlite;
+                storage = Kind::Sqlite;
                 db3::read(&bytes, &mut messages, budget)
             }
             _ => return Err(ImportError::UnknownKind { path: path.clone() }),
         };
-        read.map_err(|problem| content(path, found, problem))?;
+        read.map_err(|problem| content(path, storage, problem))?;
     }
-    finish(messages, found, cut).map_err(|problem| content(folder, found, problem))
+    finish(messages, storage, cut).map_err(|problem| content(folder, storage, problem))
 }
 
 fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> Result<Source, Problem> {
     let pickle = pickle::read(bytes, budget)?;
     let mut none = |_: &str, _: &mut Budget| Err(pickle::PickleError::NoStorage.into());
-    let all = pickle::arrays(&pickle, &mut none, budget)?;
-    let Some(found) = walk_these_ways::deployment(&pickle, &all) else {
-        return arrays::source(name, Kind::Pickle.name(), all, mapping, budget);
+    let arrays = pickle::arrays(&pickle, &mut none, budget)?;
+    let Some(deployment) = walk_these_ways::deployment(&pickle, &arrays) else {
+        return arrays::source(name, Kind::Pickle.name(), arrays, mapping, budget);
     };
-    let mut source = arrays::source(name, "walk-these-ways", found.arrays, mapping, budget)?;
+    let mut source = arrays::source(name, "walk-these-ways", deployment.arrays, mapping, budget)?;
     source.usual_joints = Some(&WALK_THESE_WAYS);
-    source.gains = found.gains;
-    source.assumed.extend(found.assumed);
-    source.left_out.extend(found.left_out);
+    source.gains = deployment.gains;
+    source.assumed.extend(deployment.assumed);
+    source.left_out.extend(deployment.left_out);
     Ok(source)
 }
 

@@ -106,8 +106,8 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
 pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), ImportError> {
     let missing = |wanted: &&String| !sources.iter().any(|source| source.taken.contains(wanted));
     let Some(wanted) = mapping.streams.take.iter().find(missing) else { return Ok(()) };
-    let all = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
-    let found = all.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
+    let names = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
+    let found = names.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
     Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
 
@@ -140,7 +140,7 @@ fn is_said(known: &str, mapping: &Mapping) -> bool {
 /// What the mapping's `[columns]` makes of the columns that there are.
 fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
     let mut out = IndexMap::new();
-    let all: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
+    let present: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
     let refuse = |problem: String| Err(ImportError::Mapping { problem });
     for (role, names) in named(&mapping.columns) {
         match names {
@@ -151,7 +151,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
                     return refuse(format!("columns: {} names are not the right number of them", list.len()));
                 };
                 for (name, column) in list.iter().zip(columns) {
-                    if !all.contains(&name) {
+                    if !present.contains(&name) {
                         return refuse(format!("no column `{}` in the file", shown(name)));
                     }
                     if out.insert(name.clone(), column).is_some() {
@@ -161,17 +161,18 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
             }
             Some(Names::One(pattern)) => {
                 let before = out.len();
-                for name in &all {
+                for name in &present {
                     if let Some(column) = by_pattern(pattern, name, role) {
                         out.insert((*name).clone(), column);
                     }
                 }
-                let is_array = all.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
+                let is_array =
+                    present.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
                 if out.len() == before && !is_array {
                     return refuse(format!(
                         "no column fits `{}`; the file has {}",
                         shown(pattern),
-                        listed(&all)
+                        listed(&present)
                     ));
                 }
             }
@@ -370,17 +371,18 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
                 Some(unit) => TimeUnit::from(unit),
                 None => match TimeUnit::ALL.into_iter().find(|unit| name.ends_with(suffix(*unit))) {
                     Some(unit) => unit,
-                    None => match recognise_time_unit(&table.time, mapping.rate_hz, || None)
-                        .map_err(problem)?
-                    {
-                        Some(found) => {
-                            source
-                                .assumed
-                                .push(format!("{}: times are {}: {}", table.name, found.unit, found.because));
-                            found.unit
+                    None => {
+                        match recognise_time_unit(&table.time, mapping.rate_hz, || None).map_err(problem)? {
+                            Some(converted) => {
+                                source.assumed.push(format!(
+                                    "{}: times are {}: {}",
+                                    table.name, converted.unit, converted.because
+                                ));
+                                converted.unit
+                            }
+                            None => TimeUnit::Seconds,
                         }
-                        None => TimeUnit::Seconds,
-                    },
+                    }
                 },
             };
             table.time.iter_mut().for_each(|time| *time /= unit.per_second());

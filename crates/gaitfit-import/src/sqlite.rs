@@ -108,18 +108,18 @@ impl<'a> Database<'a> {
 
     /// The table called `name`, if there is one.
     pub fn table(&self, name: &str) -> Result<Option<TableInfo>, Problem> {
-        let mut found = None;
+        let mut table = None;
         self.rows(1, &mut |cells| {
             if let [kind, own, _, root, sql, ..] = cells
                 && kind.text() == Some("table")
                 && own.text() == Some(name)
             {
                 let root = root.integer().and_then(|root| u32::try_from(root).ok());
-                found = root.zip(sql.text()).map(|(root, sql)| TableInfo { root, columns: columns(sql) });
+                table = root.zip(sql.text()).map(|(root, sql)| TableInfo { root, columns: columns(sql) });
             }
             Ok(())
         })?;
-        Ok(found)
+        Ok(table)
     }
 
     /// Calls `row` with the cells of every row of a table, in the order of their numbers. An integer primary key is NULL

@@ -158,8 +158,8 @@ fn line_at(text: &str, byte: u64) -> u64 {
 /// The place of the time column among `names`; `None`: the mapping gives a rate instead.
 pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, Problem> {
     if let Some(wanted) = &mapping.time.column {
-        let found = names.iter().position(|name| name == wanted);
-        return found.map(Some).ok_or_else(|| TableError::NoTimeColumn(wanted.clone()).into());
+        let place = names.iter().position(|name| name == wanted);
+        return place.map(Some).ok_or_else(|| TableError::NoTimeColumn(wanted.clone()).into());
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
     if usual.is_none() && mapping.rate_hz.or(mapping.usual_rate_hz).is_none() {

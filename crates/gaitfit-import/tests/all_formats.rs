@@ -26,10 +26,10 @@ fn every_kind_of_file_gives_the_same_trajectory() {
 #[test]
 fn encodings_of_parquet_are_read() {
     let read = |name: &str| read(name, "").unwrap().trajectory;
-    let (found, want) = (read("kinds.parquet"), read("kinds.csv"));
-    assert_eq!((&found.joints, found.rate_hz), (&want.joints, 200.0));
-    assert_eq!((&found.position, &found.velocity), (&want.position, &want.velocity));
-    assert!(apart(&found.time, &want.time) < 1e-12);
+    let (trajectory, want) = (read("kinds.parquet"), read("kinds.csv"));
+    assert_eq!((&trajectory.joints, trajectory.rate_hz), (&want.joints, 200.0));
+    assert_eq!((&trajectory.position, &trajectory.velocity), (&want.position, &want.velocity));
+    assert!(apart(&trajectory.time, &want.time) < 1e-12);
     assert!(want.position.iter().any(|q| *q > 10.0) && want.velocity.contains(&1.0));
 }
 

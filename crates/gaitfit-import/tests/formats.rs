@@ -291,22 +291,22 @@ print(json.dumps(out))
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let messages: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     for sample in [0, 1, log.len() - 1] {
         let row = |values: &[f64], width: usize| values[sample * width..(sample + 1) * width].to_vec();
         let states = serde_json::json!([log.joints, row(&log.position, 12), row(&log.velocity, 12)]);
-        assert_eq!(found["/joint_states"][sample], states);
+        assert_eq!(messages["/joint_states"][sample], states);
         assert_eq!(
-            found["/joint_targets"][sample][1],
+            messages["/joint_targets"][sample][1],
             serde_json::json!(row(log.target.as_ref().unwrap(), 12))
         );
         assert_eq!(
-            found["/joint_actions"][sample][1],
+            messages["/joint_actions"][sample][1],
             serde_json::json!(row(log.action.as_ref().unwrap(), 12))
         );
-        assert_eq!(found["/cmd_vel"][sample], serde_json::json!(row(log.command.as_ref().unwrap(), 3)));
+        assert_eq!(messages["/cmd_vel"][sample], serde_json::json!(row(log.command.as_ref().unwrap(), 3)));
         let base = log.base.as_ref().unwrap();
-        assert_eq!(found["/imu"][sample], serde_json::json!(row(base.quaternion.as_ref().unwrap(), 4)));
+        assert_eq!(messages["/imu"][sample], serde_json::json!(row(base.quaternion.as_ref().unwrap(), 4)));
     }
 }
 

@@ -52,17 +52,19 @@ fn a_target_stays_in_the_row_of_its_state_and_keeps_its_lead() {
             log.lead = Some(Lead { seconds: late, spread: 0.0 });
             let (mcap, _) = mcap_bytes(&log).unwrap();
             for (name, bytes) in [("pj.csv", text.as_bytes()), ("log.mcap", &mcap)] {
-                let found = read(name, bytes, "").unwrap();
-                assert_eq!(found.trajectory.target, log.target, "{name} {rate} {late}");
-                assert_eq!(found.report.dropped, [0, 0]);
-                let lead = found.trajectory.lead.unwrap();
+                let imported = read(name, bytes, "").unwrap();
+                assert_eq!(imported.trajectory.target, log.target, "{name} {rate} {late}");
+                assert_eq!(imported.report.dropped, [0, 0]);
+                let lead = imported.trajectory.lead.unwrap();
                 assert!((lead.seconds - late).abs() < 2e-6 && lead.spread < 2e-6, "{name} {rate}: {lead:?}");
-                assert_eq!(found.report.lead, Some(lead));
-                assert!(found.report.assumed.iter().any(|line| line.contains("each message is in the row")));
+                assert_eq!(imported.report.lead, Some(lead));
+                assert!(
+                    imported.report.assumed.iter().any(|line| line.contains("each message is in the row"))
+                );
                 // What is written is read again.
                 let folder = tempfile::tempdir().unwrap();
                 let path = folder.path().join("log.csv");
-                write_csv(&path, &found.trajectory).unwrap();
+                write_csv(&path, &imported.trajectory).unwrap();
                 let again = import(&[path], &Options::default()).unwrap().trajectory;
                 assert_eq!((again.lead, again.target), (Some(lead), log.target.clone()));
             }
@@ -78,9 +80,9 @@ fn a_target_stays_in_the_row_of_its_state_and_keeps_its_lead() {
 fn a_lead_that_varies_keeps_its_spread() {
     let log = log(200.0);
     let late = |row: usize| 0.001 + 1e-5 * ((row * 37) % 101) as f64;
-    let found = read("pj.csv", blank_cells(&log, late).as_bytes(), "").unwrap().trajectory;
-    assert_eq!(found.target, log.target);
-    let lead = found.lead.unwrap();
+    let trajectory = read("pj.csv", blank_cells(&log, late).as_bytes(), "").unwrap().trajectory;
+    assert_eq!(trajectory.target, log.target);
+    let lead = trajectory.lead.unwrap();
     assert!((lead.seconds - 0.0015).abs() < 1e-5 && (lead.spread - 0.00045).abs() < 2e-5, "{lead:?}");
 }
 
@@ -108,13 +110,13 @@ fn stamps_without_digits_lose_no_row() {
         ("ticks of 50 ms", stamped(&log, coarse)),
     ] {
         for rate in ["", "rate_hz = 200\n"] {
-            let found = read("log.csv", text.as_bytes(), &format!("{rate}{COLUMNS}")).unwrap();
-            let log_found = &found.trajectory;
-            assert_eq!((log_found.len(), log_found.rate_hz), (ROWS, 200.0), "{case}");
-            assert_eq!(log_found.target, log.target);
-            let times = log_found.time.iter().zip(&log.time);
+            let imported = read("log.csv", text.as_bytes(), &format!("{rate}{COLUMNS}")).unwrap();
+            let trajectory = &imported.trajectory;
+            assert_eq!((trajectory.len(), trajectory.rate_hz), (ROWS, 200.0), "{case}");
+            assert_eq!(trajectory.target, log.target);
+            let times = trajectory.time.iter().zip(&log.time);
             assert!(times.clone().all(|(a, b)| (a - b).abs() < 1e-6), "{case}");
-            let findings = &found.report.streams[0].findings;
+            let findings = &imported.report.streams[0].findings;
             assert!(matches!(findings[..], [ClockFinding::Coarse { .. }]), "{case}: {findings:?}");
         }
         let wrong =
@@ -126,8 +128,9 @@ fn stamps_without_digits_lose_no_row() {
     let error = read("log.csv", unix.as_bytes(), COLUMNS).unwrap_err().to_string();
     assert!(error.contains("float32") && error.contains("--rate"), "{error}");
     assert!(error.contains("fit about 200 rows a second"), "{error}");
-    let found = read("log.csv", unix.as_bytes(), &format!("rate_hz = 200\n{COLUMNS}")).unwrap().trajectory;
-    assert_eq!((found.len(), found.rate_hz, found.target), (ROWS, 200.0, log.target.clone()));
+    let trajectory =
+        read("log.csv", unix.as_bytes(), &format!("rate_hz = 200\n{COLUMNS}")).unwrap().trajectory;
+    assert_eq!((trajectory.len(), trajectory.rate_hz, trajectory.target), (ROWS, 200.0, log.target.clone()));
 }
 
 #[test]
@@ -135,22 +138,22 @@ fn a_row_that_came_late_is_placed_between_its_neighbours() {
     let log = log(200.0);
     // Two rows share the stamp of the later one.
     let late = |t: f64| if (t - 1.0).abs() < 1e-9 { t + 0.005 } else { t };
-    let found = read("log.csv", stamped(&log, late).as_bytes(), COLUMNS).unwrap();
-    assert_eq!(found.trajectory.target, log.target);
-    assert!(found.trajectory.time.iter().zip(&log.time).all(|(a, b)| (a - b).abs() < 1e-9));
-    assert_eq!(found.report.streams[0].findings, [ClockFinding::Late { samples: 1 }]);
+    let imported = read("log.csv", stamped(&log, late).as_bytes(), COLUMNS).unwrap();
+    assert_eq!(imported.trajectory.target, log.target);
+    assert!(imported.trajectory.time.iter().zip(&log.time).all(|(a, b)| (a - b).abs() < 1e-9));
+    assert_eq!(imported.report.streams[0].findings, [ClockFinding::Late { samples: 1 }]);
 }
 
 #[test]
 fn jitter_is_no_loss() {
     let log = log(200.0);
     let jitter = |t: f64| t + 0.0024 * (t * 7919.0).sin();
-    let found = read("log.csv", stamped(&log, jitter).as_bytes(), COLUMNS).unwrap();
-    assert_eq!((found.trajectory.len(), found.trajectory.rate_hz), (ROWS, 200.0));
+    let imported = read("log.csv", stamped(&log, jitter).as_bytes(), COLUMNS).unwrap();
+    assert_eq!((imported.trajectory.len(), imported.trajectory.rate_hz), (ROWS, 200.0));
     assert!(
-        matches!(found.report.streams[0].findings[..], [ClockFinding::Jitter { .. }]),
+        matches!(imported.report.streams[0].findings[..], [ClockFinding::Jitter { .. }]),
         "{:?}",
-        found.report
+        imported.report
     );
 }
 
@@ -165,11 +168,11 @@ fn one_row_of_many_is_taken() {
         import(&[&path], &Options { mapping, ..Options::default() }).unwrap().trajectory
     };
     for mapping in ["every = 4", "every = 4\nrate_hz = 200"] {
-        let found = every(mapping);
-        assert_eq!((found.len(), found.rate_hz), (ROWS / 4, 50.0));
-        assert_eq!(found.target.unwrap()[..3], [0.0, 4.0, 8.0]);
+        let trajectory = every(mapping);
+        assert_eq!((trajectory.len(), trajectory.rate_hz), (ROWS / 4, 50.0));
+        assert_eq!(trajectory.target.unwrap()[..3], [0.0, 4.0, 8.0]);
     }
     let text = stamped(&log, |t| t);
-    let found = read("other.csv", text.as_bytes(), &format!("every = 4\n{COLUMNS}")).unwrap().trajectory;
-    assert_eq!((found.len(), found.rate_hz), (ROWS / 4, 50.0));
+    let trajectory = read("other.csv", text.as_bytes(), &format!("every = 4\n{COLUMNS}")).unwrap().trajectory;
+    assert_eq!((trajectory.len(), trajectory.rate_hz), (ROWS / 4, 50.0));
 }

@@ -135,8 +135,8 @@ fn stated_rate(metadata: &Metadata, report: &mut ReadReport) -> Result<Option<f6
 
 /// What to know of a log that states that the robot did not fall, and shows that it did.
 fn fell_after_all(log: &Trajectory) -> Option<Finding> {
-    let found = falls(log, &CheckSpec::default());
-    let fall = found.iter().find(|fall| matches!(fall.sign, FallSign::Tilt | FallSign::Height))?;
+    let falls = falls(log, &CheckSpec::default());
+    let fall = falls.iter().find(|fall| matches!(fall.sign, FallSign::Tilt | FallSign::Height))?;
     Some(Finding {
         kind: FindingKind::Fallen,
         severity: Severity::Warning,

@@ -58,10 +58,10 @@ mod tests {
             let half: [f64; 4] = [1.0, 0.5 * step * w[0], 0.5 * step * w[1], 0.5 * step * w[2]];
             q = normalize(product(q, half));
         }
-        let found = orientation_of_gravity(&time, &gravity, Some(&rates));
-        for (q, found) in truth.iter().zip(found.chunks_exact(4)) {
-            let off: f64 = q.iter().zip(quat_of(found)).map(|(a, b)| a * b).sum::<f64>().abs();
-            assert!(off > 0.99999, "{q:?} {found:?}");
+        let orientation = orientation_of_gravity(&time, &gravity, Some(&rates));
+        for (q, estimate) in truth.iter().zip(orientation.chunks_exact(4)) {
+            let off: f64 = q.iter().zip(quat_of(estimate)).map(|(a, b)| a * b).sum::<f64>().abs();
+            assert!(off > 0.99999, "{q:?} {estimate:?}");
         }
         // Without rates the heading is 0.
         let level = orientation_of_gravity(&[0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], None);

@@ -28,7 +28,7 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
         source,
         remedy: "check the path and its permissions",
     };
-    let mut found = Vec::new();
+    let mut files = Vec::new();
     for (number, entry) in std::fs::read_dir(folder).map_err(unreadable)?.enumerate() {
         if number >= MAX_ENTRIES {
             return Err(LogError::TooManyFiles { path: folder.to_owned(), limit: MAX_ENTRIES });
@@ -42,15 +42,15 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
             continue;
         }
         let wrong = check_entry(&path).err();
-        found.push((path, wrong));
+        files.push((path, wrong));
     }
     if folder.join("play.py").is_file() && folder.join(EXCITE[0]).is_file() {
-        found.retain(|(path, _)| {
+        files.retain(|(path, _)| {
             !EXCITE.iter().any(|name| path.file_name().is_some_and(|file| file == *name))
         });
     }
-    found.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(found)
+    files.sort_by(|a, b| a.0.cmp(&b.0));
+    Ok(files)
 }
 
 /// Refuses what is neither a regular file nor a link to one. The message names a link, where it leads and what to do.

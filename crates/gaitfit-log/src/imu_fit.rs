@@ -125,14 +125,14 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
         return None;
     }
     let as_named = moments.unexplained(&named);
-    let mut all: Vec<(Reading, f64)> = Vec::new();
+    let mut readings: Vec<(Reading, f64)> = Vec::new();
     for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
         for frame in [RateFrame::Body, RateFrame::World] {
             let Some(moments) = spans.moments(quaternion, order, frame) else { continue };
             for unit in [RateUnit::Radians, RateUnit::Degrees] {
                 for negated in [false, true] {
                     let reading = Reading { order, frame, unit, negated, axes: BASE_AXES };
-                    all.push((reading, moments.unexplained(&reading)));
+                    readings.push((reading, moments.unexplained(&reading)));
                 }
             }
             if (order, frame) == (named.order, named.frame) {
@@ -140,21 +140,21 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
                     for axes in turns().into_iter().filter(|axes| *axes != BASE_AXES) {
                         for negated in [false, true] {
                             let reading = Reading { order, frame, unit, negated, axes };
-                            all.push((reading, moments.unexplained(&reading) / SIMPLER));
+                            readings.push((reading, moments.unexplained(&reading) / SIMPLER));
                         }
                     }
                 }
             }
         }
     }
-    all.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let (reading, left) = *all.first()?;
+    readings.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (reading, left) = *readings.first()?;
     let improves = reading != named && as_named > FITS && left < BETTER * as_named && left < APART * BETTER;
     // A base that keeps its heading at 0 has the same rates in both frames, and either reading is right; negated, the other
     // frame means an orientation that is the inverse of what it should be.
     let same = |other: &Reading| !reading.negated && Reading { frame: reading.frame, ..*other } == reading;
     let inverse = reading.negated && reading.frame == RateFrame::World;
-    let decided = !inverse && all[1..].iter().all(|(other, value)| same(other) || *value > CLEAR * left);
+    let decided = !inverse && readings[1..].iter().all(|(other, value)| same(other) || *value > CLEAR * left);
     let better = improves.then_some((reading, left));
     Some(Verdict { as_named, better, decided: decided && reading.base_axes() && left < FITS * CLEAR, rms })
 }
@@ -363,8 +363,8 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
     if parts.len() < PARTS {
         return None;
     }
-    let spread = |of: &dyn Fn(&(Vec3, f64)) -> f64| {
-        let values: Vec<f64> = parts.iter().map(of).collect();
+    let spread = |number: &dyn Fn(&(Vec3, f64)) -> f64| {
+        let values: Vec<f64> = parts.iter().map(number).collect();
         let mean = values.iter().sum::<f64>() / PARTS as f64;
         let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
         (squares / (PARTS - 1) as f64 / PARTS as f64).sqrt()

@@ -289,15 +289,15 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
         Ok(metadata)
     };
     let of_stem = beside(path.with_extension("toml")).unwrap_or_default();
-    let all = comments.or(of_stem).or(beside(path.with_file_name("log.toml"))?);
+    let metadata = comments.or(of_stem).or(beside(path.with_file_name("log.toml"))?);
     let placed = |stated: Sourced<PerJoint>| (stated.value, stated.place);
     Ok(Stated {
-        robot: all.robot.map(|said| said.value),
-        rate_hz: all.rate_hz.map(|said| said.value),
-        kp: all.kp.map(placed),
-        kd: all.kd.map(placed),
-        velocity_joints: all.velocity_joints.map(|said| said.value).unwrap_or_default(),
-        simulated_step: all.simulated_step_s.map(|said| said.value),
+        robot: metadata.robot.map(|said| said.value),
+        rate_hz: metadata.rate_hz.map(|said| said.value),
+        kp: metadata.kp.map(placed),
+        kd: metadata.kd.map(placed),
+        velocity_joints: metadata.velocity_joints.map(|said| said.value).unwrap_or_default(),
+        simulated_step: metadata.simulated_step_s.map(|said| said.value),
     })
 }
 

@@ -77,10 +77,10 @@ mod tests {
         let time = [0.0, 0.02, 0.04, 0.06];
         // A restart after the second row, with a heading on the other side of ±π.
         let motion = [5.0, 3.1, 5.02, 3.1, 0.0, -3.1, 0.02, -3.1];
-        let found = at(&time, &motion, &[(0, 0.5), (1, 0.0), (1, 0.25), (1, 0.75), (2, 0.5)]);
+        let poses = at(&time, &motion, &[(0, 0.5), (1, 0.0), (1, 0.25), (1, 0.75), (2, 0.5)]);
         let wanted = [5.01, 3.1, 5.02, 3.1, 5.025, 3.1, -0.005, -3.1, 0.01, -3.1];
-        for (found, wanted) in found.iter().zip(wanted) {
-            assert!((found - wanted).abs() < 1e-12, "{found} {wanted}");
+        for (value, wanted) in poses.iter().zip(wanted) {
+            assert!((value - wanted).abs() < 1e-12, "{value} {wanted}");
         }
     }
 
@@ -108,8 +108,8 @@ mod tests {
             (&|_| 2.0, "stands still"),
             (&|t| 5.0 - t, "runs backwards"),
         ] {
-            let found = runs_wrongly(&time, &motion(place));
-            assert!(found.as_ref().is_some_and(|text| text.contains(word)), "{found:?}");
+            let remark = runs_wrongly(&time, &motion(place));
+            assert!(remark.as_ref().is_some_and(|text| text.contains(word)), "{remark:?}");
         }
     }
 }

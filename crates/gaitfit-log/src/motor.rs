@@ -71,10 +71,10 @@ pub fn gains(
             shown_number(time[row])
         );
         let span = Span { start: row, end: time.len(), from_s: time[row], to_s: time[time.len() - 1] };
-        let mut found =
+        let mut finding =
             finding(FindingKind::GainsChange, Severity::Error, vec![joints[joint].clone()], message);
-        found.span = Some(span);
-        findings.push(found);
+        finding.span = Some(span);
+        findings.push(finding);
     }
     let first = |values: &[f64]| values[..width].to_vec();
     let logged = Gains { kp: first(&columns.kp), kd: first(&columns.kd) };
@@ -144,10 +144,10 @@ pub fn fold(
     }
     let without: Vec<usize> = (0..width).filter(|&joint| gains.kp[joint] <= 0.0 && driven(joint)).collect();
     if !without.is_empty() {
-        let all: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();
-        let list = names(all.iter().map(String::as_str));
+        let joint_names: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();
+        let list = names(joint_names.iter().map(String::as_str));
         return refuse(
-            all,
+            joint_names,
             format!(
                 "{list} have no position gain: a simulation needs a PD controller; record with kp above 0"
             ),

@@ -172,17 +172,17 @@ mod tests {
         for (log, moved) in
             [(log(jittered, jittered), true), (log(even, jittered), false), (log(even, even), false)]
         {
-            let found = without(&log, 123).regular()?;
-            assert_eq!((found.filled.as_slice(), found.moved), (&[123][..], moved));
-            let target = found.trajectory.target.clone().unwrap_or_default();
+            let regular = without(&log, 123).regular()?;
+            assert_eq!((regular.filled.as_slice(), regular.moved), (&[123][..], moved));
+            let target = regular.trajectory.target.clone().unwrap_or_default();
             for (row, target) in target.iter().enumerate() {
                 assert_eq!(*target, if row == 123 { 122.0 } else { row as f64 });
             }
-            for (row, position) in found.trajectory.position.iter().enumerate().skip(1).take(397) {
+            for (row, position) in regular.trajectory.position.iter().enumerate().skip(1).take(397) {
                 let want = 0.5 * (0.12 * row as f64).sin();
                 assert!((position - want).abs() < 2e-3, "{row}: {position} {want}");
             }
-            assert_eq!(found.trajectory.lead, log.lead);
+            assert_eq!(regular.trajectory.lead, log.lead);
         }
         Ok(())
     }

@@ -188,10 +188,10 @@ mod tests {
     fn the_factor_is_found_within_a_percent() {
         for rate in [50.0, 200.0, 1000.0] {
             for factor in [1.0, 1.06, 2.0, 57.3] {
-                let found = waves(rate, [factor; 2], 0.0).shared;
+                let shared = waves(rate, [factor; 2], 0.0).shared;
                 assert!(
-                    found.is_some_and(|found| (found / factor - 1.0).abs() < 0.01),
-                    "{rate} {factor} {found:?}"
+                    shared.is_some_and(|shared| (shared / factor - 1.0).abs() < 0.01),
+                    "{rate} {factor} {shared:?}"
                 );
             }
         }
@@ -199,8 +199,8 @@ mod tests {
 
     #[test]
     fn bounds_hold_the_truth_under_noise() {
-        let found = waves(200.0, [1.0, 1.2], 2.0);
-        for (scale, truth) in found.joints.iter().flatten().zip([1.0, 1.2]) {
+        let scales = waves(200.0, [1.0, 1.2], 2.0);
+        for (scale, truth) in scales.joints.iter().flatten().zip([1.0, 1.2]) {
             let [low, high] = scale.bounds();
             assert!(low < truth && high > truth && high - low < 0.3, "{scale:?}");
         }

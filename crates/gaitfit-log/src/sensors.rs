@@ -364,12 +364,12 @@ mod tests {
         for lag in [0.0, 0.0039, -0.002] {
             let log = log(lag, 1.0, [0.02, 0.0, -0.013], 7);
             let sensors = Sensors::new(&[&log]);
-            let found = sensors.velocity_lag.unwrap();
-            assert!((found.value - lag).abs() < 3.0 * found.error + 5e-5, "{lag}: {found:?}");
-            assert!(found.error < 3e-4, "{found:?}");
-            for (found, bias) in sensors.gyro_bias.unwrap().iter().zip([0.02, 0.0, -0.013]) {
-                assert!((found.value - bias).abs() < 3.0 * found.error + 1e-5, "{bias}: {found:?}");
-                assert!(found.error < 0.002, "{found:?}");
+            let estimate = sensors.velocity_lag.unwrap();
+            assert!((estimate.value - lag).abs() < 3.0 * estimate.error + 5e-5, "{lag}: {estimate:?}");
+            assert!(estimate.error < 3e-4, "{estimate:?}");
+            for (estimate, bias) in sensors.gyro_bias.unwrap().iter().zip([0.02, 0.0, -0.013]) {
+                assert!((estimate.value - bias).abs() < 3.0 * estimate.error + 1e-5, "{bias}: {estimate:?}");
+                assert!(estimate.error < 0.002, "{estimate:?}");
             }
             assert!((sensors.velocity_noise.unwrap() / 0.1 - 1.0).abs() < 0.5, "{sensors:?}");
             let (better, said) = sensors.corrected(&log);

@@ -87,10 +87,10 @@ fn over_several(time: &[f64], usual: f64) -> f64 {
 
 /// Where samples are missing if they are `step` apart.
 fn lost(time: &[f64], step: f64) -> Vec<Lost> {
-    let mut found: Vec<Lost> = Vec::new();
+    let mut gaps: Vec<Lost> = Vec::new();
     for (sample, pair) in time.windows(2).enumerate() {
         let interval = (pair[1] - pair[0]) / step;
-        if found.last().is_some_and(|lost| lost.after >= sample) {
+        if gaps.last().is_some_and(|lost| lost.after >= sample) {
             continue;
         }
         if interval.is_nan() || interval <= LONG {
@@ -114,7 +114,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         let begin = sample.saturating_sub(AROUND);
         let behind = if sample - begin > 2 { begin..sample } else { begin..sample + 1 };
         let missing = |from: usize| {
-            let between = found.iter().rev().take_while(|lost| lost.after >= from);
+            let between = gaps.iter().rev().take_while(|lost| lost.after >= from);
             between.map(|lost| lost.samples as f64).sum::<f64>()
         };
         let before =
@@ -127,7 +127,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         let samples = ((after - before) / step - 1.0).round().clamp(low, high);
         if samples >= 1.0 {
             // A neighbour's interval may be the longer one by its jitter: samples are where they are nearer to.
-            let first = found.last().map_or(0, |lost| lost.after + 1).max(sample.saturating_sub(2));
+            let first = gaps.last().map_or(0, |lost| lost.after + 1).max(sample.saturating_sub(2));
             let last = (sample + 2).min(time.len() - 2);
             let misfit = |after: usize| -> f64 {
                 let off = |row: usize| {
@@ -138,10 +138,10 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
             };
             let near = (first..=last).min_by(|a, b| misfit(*a).total_cmp(&misfit(*b))).unwrap_or(sample);
             // A cast saturates: a damaged time may lie centuries away.
-            found.push(Lost { after: near, samples: samples as usize });
+            gaps.push(Lost { after: near, samples: samples as usize });
         }
     }
-    found
+    gaps
 }
 
 /// Slope of time over the samples' numbers, lost ones counted, by least squares.
@@ -188,9 +188,9 @@ mod tests {
         // Up to 48 % of an interval: every seventh interval is longer than one and a half.
         for share in [0.05, 0.3, 0.48] {
             let time: Vec<f64> = (0..2000).map(|i| 7.0 + 0.005 * (i as f64 + share * noise(i))).collect();
-            let found =
-                spacing(&time).map(|found| (found.lost.len(), (found.step / 0.005 - 1.0).abs() < 1e-4));
-            assert_eq!(found, Some((0, true)), "{share}");
+            let result =
+                spacing(&time).map(|spacing| (spacing.lost.len(), (spacing.step / 0.005 - 1.0).abs() < 1e-4));
+            assert_eq!(result, Some((0, true)), "{share}");
         }
     }
 
@@ -201,26 +201,28 @@ mod tests {
             time.drain(700..704);
             time.remove(400);
             time.remove(100);
-            let found = spacing(&time);
-            let lost = found.as_ref().map(|found| found.lost.clone()).unwrap_or_default();
+            let spacing = spacing(&time);
+            let lost = spacing.as_ref().map(|spacing| spacing.lost.clone()).unwrap_or_default();
             let want = [(99, 1), (398, 1), (697, 4)].map(|(after, samples)| Lost { after, samples });
             assert_eq!(lost, want, "{share}");
-            assert!(found.is_some_and(|found| (found.step / 0.02 - 1.0).abs() < 1e-3));
+            assert!(spacing.is_some_and(|spacing| (spacing.step / 0.02 - 1.0).abs() < 1e-3));
         }
     }
 
     #[test]
     fn frequent_losses_are_counted() {
         let time: Vec<f64> = (0..1000).filter(|i| i % 10 != 3).map(|i| 0.01 * f64::from(i)).collect();
-        let found = spacing(&time);
-        assert_eq!(found.as_ref().map(Spacing::count), Some(100));
-        assert!(found.is_some_and(|found| (found.step / 0.01 - 1.0).abs() < 1e-6 && found.jitter < 1e-9));
+        let spacing = spacing(&time);
+        assert_eq!(spacing.as_ref().map(Spacing::count), Some(100));
+        assert!(
+            spacing.is_some_and(|spacing| (spacing.step / 0.01 - 1.0).abs() < 1e-6 && spacing.jitter < 1e-9)
+        );
     }
 
     #[test]
     fn gaps_of_centuries_and_standing_time_are_no_panic() {
-        let found = spacing(&[0.0, 0.01, 0.02, 0.03, 0.04, 1e300, 1.5e300]);
-        assert!(found.is_some_and(|found| found.count() == usize::MAX));
+        let sparse = spacing(&[0.0, 0.01, 0.02, 0.03, 0.04, 1e300, 1.5e300]);
+        assert!(sparse.is_some_and(|sparse| sparse.count() == usize::MAX));
         assert_eq!(spacing(&[1.0; 5]), None);
         assert_eq!(spacing(&[]), None);
         assert_eq!(spacing(&[f64::NAN, f64::NAN]), None);

@@ -321,9 +321,9 @@ mod tests {
         for (start, step) in
             [(40_000.0, 0.005), (86_400.0, 0.005), (86_400.0, 0.02), (200_000.0, 0.005), (40_000.0, 0.002)]
         {
-            let found = looked(&single(&rows(start, step)), None);
-            assert_even(&found, step, &format!("{start} {step}"));
-            let Stamps::Even(_, even) = found else { return };
+            let stamps = looked(&single(&rows(start, step)), None);
+            assert_even(&stamps, step, &format!("{start} {step}"));
+            let Stamps::Even(_, even) = stamps else { return };
             assert!(even.coarse.single_precision && even.to_string().contains("float32"), "{even}");
         }
         // Printed with the digits that single precision has.

@@ -170,7 +170,8 @@ mod tests {
     }
 
     fn unit(step: f64, rate_hz: Option<f64>, factor: Option<f64>) -> Result<Option<TimeUnit>, String> {
-        recognise(&column(step), rate_hz, || factor).map(|found| found.map(|found| found.unit))
+        recognise(&column(step), rate_hz, || factor)
+            .map(|converted| converted.map(|converted| converted.unit))
     }
 
     #[test]
@@ -210,8 +211,8 @@ mod tests {
     #[test]
     fn unix_times_tell_the_unit() {
         let time: Vec<f64> = (0..50).map(|i| 1.76e15 + f64::from(i) * 500.0).collect();
-        let found = recognise(&time, None, || None).map(|found| found.map(|found| found.unit));
-        assert_eq!(found, Ok(Some(TimeUnit::Microseconds)));
+        let unit = recognise(&time, None, || None).map(|converted| converted.map(|converted| converted.unit));
+        assert_eq!(unit, Ok(Some(TimeUnit::Microseconds)));
     }
 
     #[test]
@@ -226,7 +227,7 @@ mod tests {
             (500.0, None, &["milliseconds (2 Hz) or microseconds (2000 Hz)", "# rate_hz = 200"]),
             (5e12, None, &["5e12 apart, which is no sample interval"]),
         ] {
-            let text = unit(step, None, factor).map_or_else(|text| text, |found| format!("{found:?}"));
+            let text = unit(step, None, factor).map_or_else(|text| text, |unit| format!("{unit:?}"));
             assert!(parts.iter().all(|part| text.contains(part)), "{step}: {text}");
         }
         // Time that stands still is another reader's matter.

@@ -219,8 +219,8 @@ fn a_fall_may_drive_a_joint_beyond_its_limits_for_a_moment() {
     let mut tight = spec();
     tight.position_limits.insert("j1".into(), [-1.5, 1.5]);
     let severity = |log: &Trajectory| {
-        let found = check(log, &tight);
-        found.iter().find(|one| one.kind == FindingKind::BeyondPositionLimit).unwrap().severity
+        let findings = check(log, &tight);
+        findings.iter().find(|one| one.kind == FindingKind::BeyondPositionLimit).unwrap().severity
     };
     assert_eq!(severity(&log), Severity::Error);
     log.fell = true;
@@ -311,8 +311,8 @@ fn answers_between_samples_are_a_warning_and_a_gear_is_an_error() {
             velocity.extend([2.5 * (5.0 * t).cos(), part * speed]);
         }
         let log = Trajectory::of_joints(vec!["a".into(), "b".into()], 50.0, time, position, velocity);
-        let found = check(&log, &CheckSpec::default());
-        let one = found.iter().find(|one| one.kind == FindingKind::VelocityMismatch)?;
+        let findings = check(&log, &CheckSpec::default());
+        let one = findings.iter().find(|one| one.kind == FindingKind::VelocityMismatch)?;
         Some((one.severity, one.message.contains("nothing need be wrong")))
     };
     assert_eq!(said(0.66, true), Some((Severity::Warning, true)));

@@ -54,9 +54,9 @@ fn time_stamps_in_smaller_units_are_converted_and_said() {
         // From zero, and as Unix time.
         for offset in [0, start / (1_000_000_000 / per_second)] {
             let stamp = |t: f64| (offset + (t * per_second as f64).round() as i64).to_string();
-            let (found, report) = read(&file(&log, "", "time", stamp)).unwrap();
-            assert_eq!(found.rate_hz, 200.0, "{unit} from {offset}");
-            assert!((found.duration() - log.duration()).abs() < 1e-6);
+            let (trajectory, report) = read(&file(&log, "", "time", stamp)).unwrap();
+            assert_eq!(trajectory.rate_hz, 200.0, "{unit} from {offset}");
+            assert!((trajectory.duration() - log.duration()).abs() < 1e-6);
             assert_eq!(report.converted_time.as_ref().unwrap().unit.to_string(), unit);
             let notes = report.findings();
             assert_eq!(
@@ -64,25 +64,25 @@ fn time_stamps_in_smaller_units_are_converted_and_said() {
                 (1, FindingKind::TimeUnit, Severity::Note)
             );
             assert!(notes[0].message.contains(unit), "{}", notes[0]);
-            assert_eq!(check(&found, &CheckSpec::default()), [], "{unit} from {offset}");
+            assert_eq!(check(&trajectory, &CheckSpec::default()), [], "{unit} from {offset}");
         }
         // The name says it.
         let name =
             ["time_ms", "time_us", "time_ns"][[1_000, 1_000_000].iter().filter(|p| **p < per_second).count()];
-        let (found, report) =
+        let (trajectory, report) =
             read(&file(&log, "", name, |t| ((t * per_second as f64).round() as i64).to_string())).unwrap();
-        assert_eq!((found.rate_hz, report.ignored.len()), (200.0, 0));
+        assert_eq!((trajectory.rate_hz, report.ignored.len()), (200.0, 0));
         assert!(report.findings()[0].message.contains("name"), "{}", report.findings()[0]);
     }
-    let (found, report) = read(&file(&log, "", "time", |t| t.to_string())).unwrap();
-    assert_eq!((found.rate_hz, report.converted_time), (200.0, None));
+    let (trajectory, report) = read(&file(&log, "", "time", |t| t.to_string())).unwrap();
+    assert_eq!((trajectory.rate_hz, report.converted_time), (200.0, None));
 }
 
 #[test]
 fn a_log_without_motion_is_known_by_its_rate() {
     let rows: String = (0..100).map(|i| format!("{},0.5,0\n", i * 5_000_000)).collect();
-    let (found, _) = read(&format!("time,q_a,dq_a\n{rows}")).unwrap();
-    assert_eq!(found.rate_hz, 200.0);
+    let (trajectory, _) = read(&format!("time,q_a,dq_a\n{rows}")).unwrap();
+    assert_eq!(trajectory.rate_hz, 200.0);
 }
 
 #[test]
@@ -104,24 +104,24 @@ fn velocities_or_a_stated_rate_settle_what_the_steps_do_not() {
             ["log.csv: the unit of `time` is not clear", "# rate_hz = 200", "`time_ms`", "milliseconds ("];
         assert!(parts.iter().all(|part| error.contains(part)), "{error}");
     }
-    let (found, _) = still(500, "# rate_hz = 2000\n").unwrap();
-    assert!((found.duration() - 99.0 * 0.0005).abs() < 1e-12);
+    let (trajectory, _) = still(500, "# rate_hz = 2000\n").unwrap();
+    assert!((trajectory.duration() - 99.0 * 0.0005).abs() < 1e-12);
 
     // Time that counts samples, at 200 Hz.
     let log = log(200.0, [1.0; 2]);
     let count = |t: f64| format!("{}", (t * 200.0).round());
     let error = read(&file(&log, "", "time", count)).unwrap_err().to_string();
     assert!(error.contains("may count samples") && error.contains("fit 20"), "{error}");
-    let (found, _) = read(&file(&log, "# rate_hz = 200\n", "time", count)).unwrap();
-    let finding = &check(&found, &CheckSpec::default())[0];
+    let (trajectory, _) = read(&file(&log, "# rate_hz = 200\n", "time", count)).unwrap();
+    let finding = &check(&trajectory, &CheckSpec::default())[0];
     assert_eq!(finding.kind, FindingKind::RateMismatch);
     assert!(finding.message.contains("counts samples"), "{finding}");
 }
 
 #[test]
 fn two_time_columns_are_one_clock() {
-    let (found, report) = read("time_ns,time,q_a,dq_a\n0,0,1,1\n5000000,0.005,1,1\n").unwrap();
-    assert_eq!((found.rate_hz, report.converted_time), (200.0, None));
+    let (trajectory, report) = read("time_ns,time,q_a,dq_a\n0,0,1,1\n5000000,0.005,1,1\n").unwrap();
+    assert_eq!((trajectory.rate_hz, report.converted_time), (200.0, None));
     assert_eq!(report.ignored[0].reason, "`time` says it already");
 }
 

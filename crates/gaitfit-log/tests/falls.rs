@@ -49,13 +49,13 @@ fn a_walk_is_no_fall() {
 #[test]
 fn a_log_may_say_that_it_ends_in_a_fall() {
     let log = Trajectory { fell: true, ..walk(9.0) };
-    let found = falls(&log, &CheckSpec::default());
-    assert_eq!((found.len(), &found[0].samples, found[0].sign), (1, &(299..300), FallSign::Stated));
+    let events = falls(&log, &CheckSpec::default());
+    assert_eq!((events.len(), &events[0].samples, events[0].sign), (1, &(299..300), FallSign::Stated));
     assert!(falls(&log.slice(0..200).unwrap(), &CheckSpec::default()).is_empty());
     assert_eq!(falls(&log.slice(200..300).unwrap(), &CheckSpec::default()).len(), 1);
     // One that also shows it fell once.
-    let found = falls(&Trajectory { fell: true, ..walk(3.0) }, &CheckSpec::default());
-    assert_eq!((found.len(), found[0].sign), (1, FallSign::Stuck));
+    let events = falls(&Trajectory { fell: true, ..walk(3.0) }, &CheckSpec::default());
+    assert_eq!((events.len(), events[0].sign), (1, FallSign::Stuck));
 }
 
 #[test]
@@ -70,9 +70,9 @@ fn joints_that_stop_show_a_fall() {
 fn the_base_shows_when() {
     // 60° are passed at 2.6 s; up again at 4 s.
     let tumbles = rolling(walk(9.0), |at| if (2.0..4.0).contains(&at) { 100.0 * (at - 2.0) } else { 0.0 });
-    let found = falls(&tumbles, &CheckSpec::default());
-    assert_eq!(found.len(), 1);
-    assert_eq!((found[0].samples.clone(), found[0].sign), (131..200, FallSign::Tilt));
+    let events = falls(&tumbles, &CheckSpec::default());
+    assert_eq!(events.len(), 1);
+    assert_eq!((events[0].samples.clone(), events[0].sign), (131..200, FallSign::Tilt));
     // A short lurch is no fall, one that ends the log is.
     let lurches = |from: f64, to: f64| {
         falls(&rolling(walk(9.0), |at| if at >= from && at < to { 70.0 } else { 0.0 }), &CheckSpec::default())
@@ -97,8 +97,8 @@ fn a_robot_leans_away_from_its_own_posture() {
     assert_eq!(falls(&stands, &CheckSpec::default()).len(), 1, "level is what else a robot is");
     assert!(falls(&stands, &spec).is_empty());
     let drops = pitched(|at| if at < 3.0 { -90.0 } else { 0.0 });
-    let found = falls(&drops, &spec);
-    assert_eq!((found.len(), found[0].samples.start, found[0].sign), (1, 150, FallSign::Tilt));
+    let events = falls(&drops, &spec);
+    assert_eq!((events.len(), events[0].samples.start, events[0].sign), (1, 150, FallSign::Tilt));
 }
 
 #[test]
@@ -108,8 +108,8 @@ fn height_needs_a_limit() {
     log.base = Some(BaseState { position: Some(position), ..BaseState::default() });
     assert!(falls(&log, &CheckSpec::default()).is_empty());
     let spec = CheckSpec { lying_height: Some(0.12), ..CheckSpec::default() };
-    let found = falls(&log, &spec);
-    assert_eq!((found[0].samples.clone(), found[0].sign), (250..300, FallSign::Height));
+    let events = falls(&log, &spec);
+    assert_eq!((events[0].samples.clone(), events[0].sign), (250..300, FallSign::Height));
 }
 
 #[test]

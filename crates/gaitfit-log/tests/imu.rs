@@ -76,8 +76,8 @@ fn read(
 
 /// Largest difference of orientation and rates from those of the base.
 fn off(log: &Trajectory, heading: f64) -> f64 {
-    let found = log.base.as_ref().unwrap();
-    let (quaternion, rates) = (found.quaternion.as_ref().unwrap(), found.angular_velocity.as_ref().unwrap());
+    let state = log.base.as_ref().unwrap();
+    let (quaternion, rates) = (state.quaternion.as_ref().unwrap(), state.angular_velocity.as_ref().unwrap());
     let rows = quaternion.chunks_exact(4).zip(rates.chunks_exact(3));
     rows.zip(base(heading)).fold(0.0, |most, ((q, w), (right, rates))| {
         let along: f64 = q.iter().zip(right).map(|(a, b)| a * b).sum();

@@ -56,26 +56,26 @@ fn faults_put_into_the_examples_are_found() {
             .step_by(12)
             .enumerate()
             .for_each(|(i, dq)| *dq = 1e-3 * (i as f64).cos());
-        let found = check(&log, &CheckSpec::default());
-        let held = found.iter().filter(|finding| finding.kind == FindingKind::JointNotFollowing);
+        let findings = check(&log, &CheckSpec::default());
+        let held = findings.iter().filter(|finding| finding.kind == FindingKind::JointNotFollowing);
         let named: Vec<_> = held.flat_map(|finding| finding.joints.clone()).collect();
-        assert_eq!(named, [log.joints[joint].clone()], "{found:#?}");
+        assert_eq!(named, [log.joints[joint].clone()], "{findings:#?}");
 
         let mut log = walk.clone();
         log.velocity.iter_mut().skip(joint).step_by(12).for_each(|dq| *dq *= 1.2);
-        let found = check(&log, &CheckSpec::default());
-        assert_eq!(found.len(), 1, "{found:#?}");
-        assert_eq!((found[0].kind, found[0].joints.len()), (FindingKind::VelocityMismatch, 1));
+        let findings = check(&log, &CheckSpec::default());
+        assert_eq!(findings.len(), 1, "{findings:#?}");
+        assert_eq!((findings[0].kind, findings[0].joints.len()), (FindingKind::VelocityMismatch, 1));
     }
     for factor in [0.5, 0.9, 1.1, 2.0] {
         let mut log = walk.clone();
         log.time.iter_mut().for_each(|time| *time *= factor);
         log.rate_hz /= factor;
-        let found = check(&log, &CheckSpec::default());
-        assert_eq!(found.len(), 1, "{factor}: {found:#?}");
+        let findings = check(&log, &CheckSpec::default());
+        assert_eq!(findings.len(), 1, "{factor}: {findings:#?}");
         let rate = format!("the time column says {} Hz", (5000.0f64 / factor).round() / 100.0);
-        assert!(found[0].message.contains("all 12 joints"), "{}", found[0]);
-        assert!(found[0].message.contains(&rate), "{rate}: {}", found[0]);
+        assert!(findings[0].message.contains("all 12 joints"), "{}", findings[0]);
+        assert!(findings[0].message.contains(&rate), "{rate}: {}", findings[0]);
     }
 }
 
@@ -119,9 +119,9 @@ fn shared_a_real_robot_that_is_stuck_is_told_from_one_that_trots() {
     for (name, expected) in [("trot.csv", false), ("stuck.csv", true)] {
         let mut log = read_csv(&path(name), &ReadOptions::default()).unwrap();
         log.target = None;
-        let found =
+        let stuck =
             check(&log, &CheckSpec::default()).iter().any(|finding| finding.kind == FindingKind::Stuck);
-        assert_eq!(found, expected, "{name}");
+        assert_eq!(stuck, expected, "{name}");
     }
     let (log, report) = read_csv_report(&path("trot.csv"), &ReadOptions::default()).unwrap();
     assert_eq!((log.len(), log.rate_hz), (204, 50.0));

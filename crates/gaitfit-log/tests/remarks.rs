@@ -75,8 +75,8 @@ fn a_place_in_a_motion_has_both_columns_and_numbers() {
     }));
     assert!(text.contains("log.csv:10: column 4 `motion_time`"), "{text}");
     let (log, _) = read(&rows(300, "", both, at, |row| format!(",{},0.5", 10.0 * row as f64))).unwrap();
-    let found = check(&log, &CheckSpec::default());
-    let text = &found.iter().find(|one| one.kind == FindingKind::SuspectUnit).unwrap().message;
+    let findings = check(&log, &CheckSpec::default());
+    let text = &findings.iter().find(|one| one.kind == FindingKind::SuspectUnit).unwrap().message;
     assert!(text.contains("motion_time runs 1000 times as fast"), "{text}");
     let (log, _) = read(&rows(300, "", both, at, |row| format!(",{},0.5", 3.0 + at(row)))).unwrap();
     assert!(check(&log, &CheckSpec::default()).iter().all(|one| one.kind != FindingKind::SuspectUnit));
@@ -89,28 +89,28 @@ fn a_statement_that_the_robot_did_not_fall_is_contradicted_in_words() {
     let text = |head: &str| rows(300, head, quaternion, |row| 0.01 * row as f64, upside_down);
     let noticed = |head: &str| read(&text(head)).unwrap().1.noticed;
     assert!(noticed("").is_empty());
-    let found = noticed("# fell = false\n");
+    let findings = noticed("# fell = false\n");
     assert!(
-        found[0].message.contains("`fell = false`") && found[0].message.contains("from 2 s on"),
-        "{found:?}"
+        findings[0].message.contains("`fell = false`") && findings[0].message.contains("from 2 s on"),
+        "{findings:?}"
     );
 }
 
 #[test]
 fn gaps_and_repeated_rows_of_a_clamped_robot_have_a_remedy_that_works() {
-    let found = |text: &str, kind: FindingKind| {
+    let message = |text: &str, kind: FindingKind| {
         let (log, _) = read(text).unwrap();
-        let found = check(&log, &CheckSpec::default());
-        found.into_iter().find(|one| one.kind == kind).unwrap().message
+        let findings = check(&log, &CheckSpec::default());
+        findings.into_iter().find(|one| one.kind == kind).unwrap().message
     };
     let gap = rows(300, "", "", |row| 0.01 * row as f64 + if row > 150 { 1.0 } else { 0.0 }, none);
-    let text = found(&gap, FindingKind::TimeGap);
+    let text = message(&gap, FindingKind::TimeGap);
     assert!(text.contains("cut it there") && !text.contains("leave gaps out"), "{text}");
     let mut still = String::from("time,q_a,dq_a\n");
     for row in 0..300 {
         let _ = writeln!(still, "{},{}", 0.01 * f64::from(row), if row < 299 { "0.5,0" } else { "0.6,1" });
     }
-    let text = found(&still, FindingKind::RepeatedRows);
+    let text = message(&still, FindingKind::RepeatedRows);
     assert!(text.contains("hardly read") && !text.contains("--every"), "{text}");
 }
 

@@ -26,12 +26,12 @@ impl Reference {
         for AnchorJoint { joint, axis } in &self.anchor {
             let place = joints.iter().position(|name| name == joint).and_then(|place| resolved.get(place));
             let Some(&index) = place else { continue };
-            let found = &model.joints[index];
-            let chain = links(model, found.body, body);
+            let hinge = &model.joints[index];
+            let chain = links(model, hinge.body, body);
             let follows = match before {
                 // Several joints of one body act in the order of the list.
-                Some(last) if found.body == body => last < index,
-                _ => chain.is_some() && found.body != body,
+                Some(last) if hinge.body == body => last < index,
+                _ => chain.is_some() && hinge.body != body,
             };
             if !follows {
                 let from =
@@ -45,13 +45,13 @@ impl Reference {
                 ));
             }
             let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let cosine = axis.iter().zip(found.axis).map(|(a, b)| a * b).sum::<f64>() / size;
+            let cosine = axis.iter().zip(hinge.axis).map(|(a, b)| a * b).sum::<f64>() / size;
             if cosine < ALONG {
                 return refuse(format!(
                     "turns `{}` about {axis:?}, and robot `{}` turns it about {:?}; write the robot's axis",
                     shown(joint),
                     shown(&model.name),
-                    found.axis
+                    hinge.axis
                 ));
             }
             if let Some(turned) =
@@ -62,7 +62,7 @@ impl Reference {
                     shown(&model.bodies[turned].name)
                 ));
             }
-            (body, before) = (found.body, Some(index));
+            (body, before) = (hinge.body, Some(index));
         }
         let Some(name) = self.anchor_body.as_deref() else { return Ok(()) };
         let Some(named) = model.bodies.iter().position(|body| body.name == name) else {
@@ -98,16 +98,16 @@ impl Reference {
 /// The bodies from `to`, which is left out, down to `body`, if no joint but those of `body` moves between them.
 fn links(model: &Model, body: usize, to: usize) -> Option<Vec<usize>> {
     let moves = |body: usize| model.joints.iter().any(|joint| joint.body == body);
-    let mut found = Vec::new();
+    let mut chain = Vec::new();
     let mut at = body;
     while at != to {
         if at != body && moves(at) {
             return None;
         }
-        found.push(at);
+        chain.push(at);
         at = model.bodies[at].parent?;
     }
-    Some(found)
+    Some(chain)
 }
 
 #[cfg(test)]
@@ -123,7 +123,7 @@ mod tests {
         let resolved: Vec<usize> = (0..joints.len()).collect();
         let hip = |axis: [f64; 3]| AnchorJoint { joint: "FL_hip_joint".into(), axis };
         let thigh = AnchorJoint { joint: "FL_thigh_joint".into(), axis: [0.0, 1.0, 0.0] };
-        let found = |anchor: Vec<AnchorJoint>, body: Option<&str>| {
+        let check = |anchor: Vec<AnchorJoint>, body: Option<&str>| {
             let reference = Reference {
                 rate_hz: 50.0,
                 position: vec![0.0; 12],
@@ -135,9 +135,9 @@ mod tests {
             reference.check_anchor(&model, &joints, &resolved).map_err(|error| error.to_string())
         };
         let along = hip([2.0, 0.0, 0.0]);
-        assert_eq!(found(vec![along.clone(), thigh.clone()], Some("FL_thigh")), Ok(()));
-        assert_eq!(found(vec![along.clone()], None), Ok(()));
-        assert_eq!(found(Vec::new(), Some("base")), Ok(()));
+        assert_eq!(check(vec![along.clone(), thigh.clone()], Some("FL_thigh")), Ok(()));
+        assert_eq!(check(vec![along.clone()], None), Ok(()));
+        assert_eq!(check(Vec::new(), Some("base")), Ok(()));
         for (anchor, body, word) in [
             (vec![hip([0.0, 0.0, 1.0])], None, "write the robot's axis"),
             (vec![hip([-1.0, 0.0, 0.0])], None, "write the robot's axis"),
@@ -151,7 +151,7 @@ mod tests {
             (vec![along], Some("FL_thigh"), "names the body `FL_thigh`, which is not the base"),
             (Vec::new(), Some("torso_link"), "names the body `torso_link`, which robot"),
         ] {
-            let text = found(anchor, body).unwrap_err();
+            let text = check(anchor, body).unwrap_err();
             assert!(text.contains(word), "`{word}` is not in `{text}`");
         }
     }

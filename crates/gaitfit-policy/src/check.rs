@@ -31,9 +31,9 @@ impl Policy {
             )));
         }
         if self.log_std.len() != joints {
-            let found = self.log_std.len();
+            let count = self.log_std.len();
             return Err(invalid(format!(
-                "log_std has {found} numbers for {joints} joints; give one a joint"
+                "log_std has {count} numbers for {joints} joints; give one a joint"
             )));
         }
         finite("log_std", &self.log_std)?;
@@ -48,8 +48,8 @@ impl Policy {
                 self.check_width("critic", critic.shape.inputs, "critic_observation", terms)?;
             }
             if critic.shape.outputs != 1 {
-                let found = critic.shape.outputs;
-                return Err(invalid(format!("the critic has {found} outputs; it must give one value")));
+                let outputs = critic.shape.outputs;
+                return Err(invalid(format!("the critic has {outputs} outputs; it must give one value")));
             }
         } else if self.critic_normaliser.is_some() {
             return Err(invalid("there is a critic_normaliser, but no critic; leave it out"));
@@ -87,8 +87,8 @@ fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
         .filter(|&count| count <= MAX_PARAMETERS)
         .ok_or_else(|| invalid(format!("the {name} has more than {MAX_PARAMETERS} parameters")))?;
     if network.parameters.len() != expected {
-        let (shape, found) = (&network.shape, network.parameters.len());
-        return Err(invalid(format!("the {name} ({shape}) has {found} parameters, it needs {expected}")));
+        let (shape, count) = (&network.shape, network.parameters.len());
+        return Err(invalid(format!("the {name} ({shape}) has {count} parameters, it needs {expected}")));
     }
     network.check()?;
     let sound = |activation: &Activation| activation.is_sound();

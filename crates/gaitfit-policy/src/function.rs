@@ -148,10 +148,10 @@ mod tests {
         };
         let policy = Policy::of_function(interface(), Arc::new(call)).unwrap();
         let seen: Vec<f32> = (0..35).map(|number| (number as f32 * 0.37).sin()).collect();
-        let (mut found, mut wanted) = (vec![0.0; 14], vec![0.0; 14]);
-        policy.act(7, &seen, &mut found, &mut Scratch::default());
+        let (mut action, mut wanted) = (vec![0.0; 14], vec![0.0; 14]);
+        policy.act(7, &seen, &mut action, &mut Scratch::default());
         call(7, &seen, &mut wanted);
-        assert_eq!(found, wanted);
+        assert_eq!(action, wanted);
         assert!(!policy.has_failed());
         assert!(policy.untrainable().is_some());
         assert!(policy.refuse_function("a file").unwrap_err().to_string().contains("function"));
@@ -170,10 +170,10 @@ mod tests {
                 bad.is_some()
             };
             let policy = Policy::of_function(interface(), Arc::new(call)).unwrap();
-            let mut found = vec![7.0; 2];
+            let mut action = vec![7.0; 2];
             for _ in 0..2 {
-                policy.act(1, &[0.1; 5], &mut found, &mut Scratch::default());
-                assert_eq!(found, [0.0; 2]);
+                policy.act(1, &[0.1; 5], &mut action, &mut Scratch::default());
+                assert_eq!(action, [0.0; 2]);
                 assert!(policy.clone().has_failed());
             }
         }

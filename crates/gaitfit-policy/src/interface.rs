@@ -183,9 +183,9 @@ impl Interface {
         ];
         for (name, values) in per_joint {
             if values.len() != joints {
-                let found = values.len();
+                let count = values.len();
                 return Err(InterfaceError(format!(
-                    "{name} has {found} numbers for {joints} joints; give one a joint, in the order of joints"
+                    "{name} has {count} numbers for {joints} joints; give one a joint, in the order of joints"
                 )));
             }
             for (joint, &value) in self.joints.iter().zip(values) {
@@ -202,15 +202,15 @@ impl Interface {
         }
         let [min, max] = CONTROL_DT;
         if !(min..=max).contains(&self.control_dt) {
-            let found = self.control_dt;
-            return Err(InterfaceError(format!("control_dt is {found} s; give {min} to {max} s")));
+            let dt = self.control_dt;
+            return Err(InterfaceError(format!("control_dt is {dt} s; give {min} to {max} s")));
         }
         if let Some(ActionClip::Each(clips)) = &self.action_clip
             && clips.len() != joints
         {
-            let found = clips.len();
+            let count = clips.len();
             return Err(InterfaceError(format!(
-                "action_clip has {found} numbers for {joints} joints; give one number, or one a joint"
+                "action_clip has {count} numbers for {joints} joints; give one number, or one a joint"
             )));
         }
         for &clip in self.action_clip.iter().flat_map(ActionClip::values) {
@@ -238,8 +238,8 @@ impl Interface {
 
     fn check_held(&self) -> Result<(), InterfaceError> {
         if self.held.len() > MAX_JOINTS {
-            let found = self.held.len();
-            return Err(InterfaceError(format!("held has {found} joints; at most {MAX_JOINTS}")));
+            let count = self.held.len();
+            return Err(InterfaceError(format!("held has {count} joints; at most {MAX_JOINTS}")));
         }
         for (index, Held { joint, position, kp, kd }) in self.held.iter().enumerate() {
             check_name("held", joint)?;
@@ -285,10 +285,10 @@ impl Interface {
         for term in terms {
             let quantity = term.quantity.name();
             let wanted = term.quantity.width(self.joints.len());
-            let found = term.scale.len();
-            if found > 1 && found != wanted {
+            let count = term.scale.len();
+            if count > 1 && count != wanted {
                 return Err(InterfaceError(format!(
-                    "scale of {quantity} in {name} has {found} numbers; give none, 1 or {wanted}"
+                    "scale of {quantity} in {name} has {count} numbers; give none, 1 or {wanted}"
                 )));
             }
             if let Some(bad) =
@@ -307,8 +307,8 @@ impl Interface {
             // It is found in the row before, as that row's last action.
             let is_last = |term: &Term| term.quantity == Quantity::LastAction;
             let mut last = terms.iter().filter(|term| is_last(term));
-            let found = last.next().is_some_and(|last| !last.scale.contains(&0.0));
-            if term.quantity == Quantity::EarlierAction && !(found && last.next().is_none()) {
+            let has_last = last.next().is_some_and(|last| !last.scale.contains(&0.0));
+            if term.quantity == Quantity::EarlierAction && !(has_last && last.next().is_none()) {
                 return Err(InterfaceError(format!(
                     "{name} holds {quantity}, which needs last_action there too, once and with factors other than 0"
                 )));
@@ -357,18 +357,18 @@ impl Interface {
     /// A joint that the robot lacks (with the nearest name), or two names for one joint. Robots' names may differ
     /// ([`Interface::other_robot`]).
     pub fn resolve(&self, model: &Model) -> Result<Vec<usize>, InterfaceError> {
-        let mut found = Vec::with_capacity(self.joints.len());
+        let mut indices = Vec::with_capacity(self.joints.len());
         for name in &self.joints {
             let index = find(model, "joints", name)?;
-            if let Some(other) = found.iter().position(|&other| other == index) {
+            if let Some(other) = indices.iter().position(|&other| other == index) {
                 return Err(InterfaceError(format!(
                     "joints: `{}` and `{name}` are both joint `{}` of robot `{}`; name every joint once",
                     self.joints[other], model.joints[index].name, model.name
                 )));
             }
-            found.push(index);
+            indices.push(index);
         }
-        Ok(found)
+        Ok(indices)
     }
 
     /// For each of `held`, its index in `model.joints`. `joints`: those of [`Interface::resolve`].
@@ -376,18 +376,18 @@ impl Interface {
     /// # Errors
     /// A joint that the robot lacks, or that the policy moves or another entry holds.
     pub fn resolve_held(&self, model: &Model, joints: &[usize]) -> Result<Vec<usize>, InterfaceError> {
-        let mut found = Vec::with_capacity(self.held.len());
+        let mut indices = Vec::with_capacity(self.held.len());
         for Held { joint, .. } in &self.held {
             let index = find(model, "held", joint)?;
-            if joints.contains(&index) || found.contains(&index) {
+            if joints.contains(&index) || indices.contains(&index) {
                 return Err(InterfaceError(format!(
                     "held joint `{joint}` of robot `{}` is held twice, or moved by the policy",
                     model.name
                 )));
             }
-            found.push(index);
+            indices.push(index);
         }
-        Ok(found)
+        Ok(indices)
     }
 
     /// Angles of all joints of `model` at action zero, its order, rad. Joints that are neither moved nor held follow others or are

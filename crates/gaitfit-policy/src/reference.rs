@@ -98,26 +98,26 @@ impl Reference {
         if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
             return refuse(format!("has a rate of {} Hz; give a positive number", self.rate_hz));
         }
-        let (found, width) = (self.position.len(), joints.len().max(1));
-        if found == 0 || found % width != 0 || self.velocity.len() != found {
+        let (angles, width) = (self.position.len(), joints.len().max(1));
+        if angles == 0 || angles % width != 0 || self.velocity.len() != angles {
             return refuse(format!(
-                "has {found} angles and {} velocities for {width} joints; give as many rows of both",
+                "has {angles} angles and {} velocities for {width} joints; give as many rows of both",
                 self.velocity.len()
             ));
         }
-        if found > MAX_NUMBERS {
-            let (rows, max) = (found / width, MAX_NUMBERS / width);
+        if angles > MAX_NUMBERS {
+            let (rows, max) = (angles / width, MAX_NUMBERS / width);
             return refuse(format!(
                 "has {rows} rows of {width} joints, and at most {max} rows are read; take fewer, for example with `gaitfit import \
                  FILE --every {} --out LESS.csv`",
                 rows.div_ceil(max.max(1))
             ));
         }
-        if !self.orientation.is_empty() && self.orientation.len() != 4 * (found / width) {
+        if !self.orientation.is_empty() && self.orientation.len() != 4 * (angles / width) {
             return refuse(format!(
                 "has {} numbers of orientations for {} samples",
                 self.orientation.len(),
-                found / width
+                angles / width
             ));
         }
         let all = || self.position.iter().chain(&self.velocity).chain(&self.orientation);
@@ -165,9 +165,9 @@ impl Interface {
             };
         }
         if term.ahead > MAX_AHEAD {
-            let found = term.ahead;
+            let ahead = term.ahead;
             return Err(InterfaceError(format!(
-                "ahead of {quantity} in {name} is {found}; at most {MAX_AHEAD}"
+                "ahead of {quantity} in {name} is {ahead}; at most {MAX_AHEAD}"
             )));
         }
         let Some(reference) = &self.reference else {

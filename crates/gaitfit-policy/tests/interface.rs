@@ -100,8 +100,8 @@ fn contradictions_are_named() {
         ),
     ];
     for &(change, message) in wrong {
-        let found = error(change);
-        assert!(found.contains(message), "`{message}` is not in `{found}`");
+        let text = error(change);
+        assert!(text.contains(message), "`{message}` is not in `{text}`");
     }
 }
 

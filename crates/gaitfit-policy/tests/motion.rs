@@ -37,17 +37,17 @@ fn a_row_has_the_motion_at_its_time_and_ahead() {
         row(&follows(&terms), &Sensed { motion, ..Sensed::new(joints) })
     };
     // Control periods of 0.02 s: two ahead of 0.01 s is the second sample.
-    let found = at(0.01);
+    let values = at(0.01);
     for joint in 0..joints {
-        assert!((found[joint] - (joint as f32 + 0.02)).abs() < 1e-5);
-        assert!((found[joints + joint] - 0.5 * (joint as f32 - 1.0)).abs() < 1e-5);
+        assert!((values[joint] - (joint as f32 + 0.02)).abs() < 1e-5);
+        assert!((values[joints + joint] - 0.5 * (joint as f32 - 1.0)).abs() < 1e-5);
     }
-    assert!((found[2 * joints] - 0.1).abs() < 1e-6);
+    assert!((values[2 * joints] - 0.1).abs() < 1e-6);
     // Before and after it, the motion stands.
     for (time, sample, phase) in [(-1.0, 0.0, 0.0), (5.0, 0.2, 1.0)] {
-        let found = at(time);
-        assert!((found[1] - (1.0 + sample)).abs() < 1e-6 && found[joints..2 * joints] == vec![0.0; joints]);
-        assert_eq!(found[2 * joints], phase);
+        let values = at(time);
+        assert!((values[1] - (1.0 + sample)).abs() < 1e-6 && values[joints..2 * joints] == vec![0.0; joints]);
+        assert_eq!(values[2 * joints], phase);
     }
 }
 
@@ -59,10 +59,10 @@ fn the_orientation_is_that_of_the_turned_motion_seen_from_the_anchor() {
     sensed.orient(base.map(|x| x as f32));
     sensed.joint_position[3] = 0.4;
     sensed.motion = MotionPlace { time: 0.05, heading: -0.7 };
-    let found = row(&follows(&[Term::new(Quantity::ReferenceOrientation)]), &sensed);
+    let rotation = row(&follows(&[Term::new(Quantity::ReferenceOrientation)]), &sensed);
     let (anchor, wanted) = (product(base, turn(2, 0.4)), product(turn(2, -0.7), from_rpy(0.1, 0.2, 0.8)));
     let relative = matrix(product(inverse(anchor), wanted));
-    for (k, value) in found.iter().enumerate() {
+    for (k, value) in rotation.iter().enumerate() {
         assert!((f64::from(*value) - relative[k / 2][k % 2]).abs() < 1e-6, "{k}");
     }
     // A pilot turns the motion to face as the robot does at the first step.
@@ -70,10 +70,10 @@ fn the_orientation_is_that_of_the_turned_motion_seen_from_the_anchor() {
     let layout = Layout::new(&interface, &interface.observation);
     sensed.motion.time = 0.0;
     sensed.motion.heading = layout.motion_heading(&sensed);
-    let found = row(&interface, &sensed);
+    let observation = row(&interface, &sensed);
     let turned = product(turn(2, sensed.motion.heading), from_rpy(0.1, 0.0, 0.5));
     let difference = gaitfit_model::rotation::heading(turned) - gaitfit_model::rotation::heading(anchor);
-    assert!(difference.sin().abs() < 1e-6 && found.iter().all(|x| x.is_finite()));
+    assert!(difference.sin().abs() < 1e-6 && observation.iter().all(|x| x.is_finite()));
 }
 
 /// What is done to a sound interface.
@@ -110,7 +110,7 @@ fn what_contradicts_a_motion_is_named() {
     for (message, change) in cases {
         let mut interface = follows(std::slice::from_ref(&joint));
         change(&mut interface);
-        let found = interface.check().unwrap_err().to_string();
-        assert!(found.contains(message), "`{message}` is not in `{found}`");
+        let text = interface.check().unwrap_err().to_string();
+        assert!(text.contains(message), "`{message}` is not in `{text}`");
     }
 }

@@ -143,8 +143,8 @@ fn the_action_before_the_last_is_the_last_of_the_row_before() {
         assert_eq!(layout.frames(), history + 1);
         let earlier = layout.slots()[0].present.clone();
         let rows = three_rows(&interface);
-        let found: Vec<&[f32]> = rows.iter().map(|row| &row[earlier.clone()]).collect();
-        assert_eq!(found, [[0.0, 0.0], [-10.0, 10.0], [-20.0, 20.0]], "{order:?}");
+        let actions: Vec<&[f32]> = rows.iter().map(|row| &row[earlier.clone()]).collect();
+        assert_eq!(actions, [[0.0, 0.0], [-10.0, 10.0], [-20.0, 20.0]], "{order:?}");
         assert!(rows.iter().all(|row| row[layout.slots()[1].present.start] == 7.0));
         assert_eq!(rows[2][layout.slots()[2].present.clone()], [-6.0, 12.0]);
         // Rows are kept for it even without a history.

@@ -30,16 +30,16 @@ fn one_unit_by_hand() {
     };
     // All gates have the same sum s = x + h.
     let (mut c, mut h) = (0.0, 0.0f64);
-    for (x, found) in [0.5, -1.0].into_iter().zip(run(Cell::Lstm)) {
+    for (x, output) in [0.5, -1.0].into_iter().zip(run(Cell::Lstm)) {
         let s = x + h;
         c = sigmoid(s) * c + sigmoid(s) * s.tanh();
         h = sigmoid(s) * f64::tanh(c);
-        assert!((h - found).abs() < 1e-6, "{h} {found}");
+        assert!((h - output).abs() < 1e-6, "{h} {output}");
     }
     let mut h = 0.0f64;
-    for (x, found) in [0.5, -1.0].into_iter().zip(run(Cell::Gru)) {
+    for (x, output) in [0.5, -1.0].into_iter().zip(run(Cell::Gru)) {
         let gate = sigmoid(x + h);
         h = (1.0 - gate) * (x + gate * h).tanh() + gate * h;
-        assert!((h - found).abs() < 1e-6, "{h} {found}");
+        assert!((h - output).abs() < 1e-6, "{h} {output}");
     }
 }

@@ -82,15 +82,15 @@ fn derivatives_are_those_of_pytorchs_autograd() {
             wanted[name].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
         };
         assert!((loss - wanted["loss"].as_f64().unwrap()).abs() < 1e-11);
-        for (what, found, wanted) in
+        for (what, values, wanted) in
             [("output", &last, list("last_output")), ("gradient", &gradient, list("gradient"))]
         {
-            assert_eq!(found.len(), wanted.len());
+            assert_eq!(values.len(), wanted.len());
             let greatest = wanted.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            for (index, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+            for (index, (value, wanted)) in values.iter().zip(&wanted).enumerate() {
                 assert!(
-                    (found - wanted).abs() < 1e-9 * greatest,
-                    "{cell:?} {what} {index}: {found}, PyTorch has {wanted}"
+                    (value - wanted).abs() < 1e-9 * greatest,
+                    "{cell:?} {what} {index}: {value}, PyTorch has {wanted}"
                 );
             }
         }
@@ -113,8 +113,11 @@ fn derivatives_are_central_differences() {
             };
             let difference = (loss_at(at + h) - loss_at(at - h)) / (2.0 * h);
             parameters[index] = at;
-            let found = gradient[index];
-            assert!((difference - found).abs() < 1e-7 * greatest, "{cell:?} {index}: {found}, {difference}");
+            let derivative = gradient[index];
+            assert!(
+                (difference - derivative).abs() < 1e-7 * greatest,
+                "{cell:?} {index}: {derivative}, {difference}"
+            );
         }
     }
 }

@@ -105,7 +105,7 @@ impl Form {
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| error.to_string())?.clone();
         let columns = Columns::from_header(&header)?;
-        let mut found = Self { policy, trials: Vec::new(), empty: 0 };
+        let mut form = Self { policy, trials: Vec::new(), empty: 0 };
         let mut lines = HashMap::new();
         for record in reader.records() {
             let record = record
@@ -120,16 +120,16 @@ impl Form {
             }
             let trial = columns.trial(&record).map_err(|problem| format!("line {line}: {problem}"))?;
             match trial {
-                Some(trial) => found.trials.push(trial),
-                None => found.empty += 1,
+                Some(trial) => form.trials.push(trial),
+                None => form.empty += 1,
             }
         }
-        if found.trials.is_empty() {
+        if form.trials.is_empty() {
             return Err(
                 "no row is filled in: write where the robot ended into x_m, y_m and heading_deg".to_owned()
             );
         }
-        Ok(found)
+        Ok(form)
     }
 }
 
@@ -269,14 +269,14 @@ mod tests {
 
     #[test]
     fn what_was_measured_is_compared_with_what_was_commanded() {
-        let found =
+        let form =
             parse(&filled(&[(1, "3.7,-0.2,-10,,"), (2, ",,,yes,"), (5, "0.1,0,100,no,slippery")])).unwrap();
-        assert_eq!((found.trials.len(), found.empty), (3, 3));
-        assert!(found.policy.contains("walk"), "{}", found.policy);
-        let [x, y, heading] = found.trials[0].error.unwrap();
+        assert_eq!((form.trials.len(), form.empty), (3, 3));
+        assert!(form.policy.contains("walk"), "{}", form.policy);
+        let [x, y, heading] = form.trials[0].error.unwrap();
         assert!((x + 0.3).abs() < 1e-9 && (y + 0.2).abs() < 1e-9 && (heading + 0.174_533).abs() < 1e-5);
-        assert_eq!(found.trials[1], Measured { direction: "-x".to_owned(), error: None });
-        let turned = found.trials[2].error.unwrap()[2];
+        assert_eq!(form.trials[1], Measured { direction: "-x".to_owned(), error: None });
+        let turned = form.trials[2].error.unwrap()[2];
         assert!((turned - (100.0f64.to_radians() - 1.57)).abs() < 1e-9, "{turned}");
         let centimetres =
             filled(&[(1, "370,-20,-0.1745,,")]).replace("x_m,y_m,heading_deg", "x_cm,y_cm,heading_rad");

@@ -21,9 +21,9 @@ impl<T: Copy + Default> PerMotor<T> {
 
     /// `value` of each of `count` motors, [`MAX_MOTORS`] at most.
     pub fn from_fn(count: usize, mut value: impl FnMut(usize) -> T) -> Self {
-        let mut all = Self::new(count, T::default());
-        (0..all.count).for_each(|motor| all.values[motor] = value(motor));
-        all
+        let mut motors = Self::new(count, T::default());
+        (0..motors.count).for_each(|motor| motors.values[motor] = value(motor));
+        motors
     }
 
     /// What `f` makes of each value.

@@ -342,7 +342,8 @@ impl Supervisor {
     fn wanted(&self, now: Duration) -> Command {
         let Postures { lying, standing, stand_kp, stand_kd, .. } = &self.postures;
         let elapsed = now.saturating_sub(self.since);
-        let part = |of: Duration| (elapsed.as_secs_f32() / of.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
+        let part =
+            |length: Duration| (elapsed.as_secs_f32() / length.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f32| {
             PerMotor::from_fn(from.len(), |motor| MotorCommand {
                 q: from[motor] + part * (to[motor] - from[motor]),

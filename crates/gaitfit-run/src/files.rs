@@ -57,7 +57,8 @@ impl Output<'_> {
     fn check(&self) -> Result<(), Error> {
         let Self { path, option, ending } = self;
         let shown = path.display();
-        let ends = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+        let ends =
+            |ending: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending));
         if let Some(ending) = ending.filter(|ending| !ends(ending)) {
             return Err(Error::settings(format!(
                 "{shown}: {option} writes a file whose name ends in .{ending}"

@@ -44,12 +44,12 @@ fn processor() -> String {
 
 #[cfg(target_arch = "x86_64")]
 fn features() -> Vec<&'static str> {
-    let found = [
+    let flags = [
         ("avx512f", is_x86_feature_detected!("avx512f")),
         ("avx2", is_x86_feature_detected!("avx2")),
         ("fma", is_x86_feature_detected!("fma")),
     ];
-    found.iter().filter(|(_, present)| *present).map(|(name, _)| *name).collect()
+    flags.iter().filter(|(_, present)| *present).map(|(name, _)| *name).collect()
 }
 
 #[cfg(target_arch = "aarch64")]

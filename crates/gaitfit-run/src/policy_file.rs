@@ -170,13 +170,14 @@ mod tests {
         let files =
             [("seed-1/policy.safetensors", ""), ("seed-2/policy.safetensors", ""), ("result.json", result)];
         let run = folder(&files);
-        let found = find(run.path()).unwrap();
-        assert_eq!(found.path, run.path().join("seed-2/policy.safetensors"));
-        let note = found.note.unwrap();
+        let policy = find(run.path()).unwrap();
+        assert_eq!(policy.path, run.path().join("seed-2/policy.safetensors"));
+        let note = policy.note.unwrap();
         assert!(note.contains("seed 2 is taken") && note.contains("seed-1"), "{note}");
-        let found = find(folder(&files[..2]).path()).unwrap();
+        let policy = find(folder(&files[..2]).path()).unwrap();
         assert!(
-            found.path.ends_with("seed-1/policy.safetensors") && found.note.unwrap().contains("not finished")
+            policy.path.ends_with("seed-1/policy.safetensors")
+                && policy.note.unwrap().contains("not finished")
         );
     }
 

@@ -168,12 +168,12 @@ mod tests {
     /// Steps and values of a file.
     fn events(path: &Path) -> Vec<Event> {
         let bytes = std::fs::read(path).unwrap();
-        let (mut rest, mut found) = (bytes.as_slice(), Vec::new());
+        let (mut rest, mut events) = (bytes.as_slice(), Vec::new());
         while let Some((_, event)) = read_next(&mut rest) {
-            found.push(event);
+            events.push(event);
         }
         assert!(rest.is_empty(), "{} bytes are no record", rest.len());
-        found
+        events
     }
 
     fn read_next(rest: &mut &[u8]) -> Option<(u64, Event)> {
@@ -200,13 +200,13 @@ mod tests {
         file.scalars(0, 1.5e9, &[("reward/total", 1.25), ("kl", -0.5)]).unwrap();
         drop(file);
         EventFile::open(&path, None).unwrap().scalars(1, 1.5e9 + 0.25, &[("reward/total", 2.0)]).unwrap();
-        let found = events(&path);
-        assert_eq!(found.len(), 3);
-        assert_eq!(found[0].file_version.as_deref(), Some(VERSION));
-        let values: Vec<_> = found[1].summary.as_ref().unwrap().value.iter().collect();
+        let events = events(&path);
+        assert_eq!(events.len(), 3);
+        assert_eq!(events[0].file_version.as_deref(), Some(VERSION));
+        let values: Vec<_> = events[1].summary.as_ref().unwrap().value.iter().collect();
         assert_eq!((values[0].tag.as_str(), values[0].simple_value), ("reward/total", Some(1.25)));
         assert_eq!((values[1].tag.as_str(), values[1].simple_value), ("kl", Some(-0.5)));
-        assert_eq!((found[2].step, found[2].wall_time), (1, 1.5e9 + 0.25));
+        assert_eq!((events[2].step, events[2].wall_time), (1, 1.5e9 + 0.25));
     }
 
     #[test]
@@ -270,8 +270,11 @@ mod tests {
             .arg(folder.path())
             .output()
             .unwrap();
-        let found: serde_json::Value = serde_json::from_slice(&read.stdout)
+        let values: serde_json::Value = serde_json::from_slice(&read.stdout)
             .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&read.stderr)));
-        assert_eq!(found, serde_json::json!({ "reward/total": [[10, 1.25], [20, 2.5]], "kl": [[10, -0.5]] }));
+        assert_eq!(
+            values,
+            serde_json::json!({ "reward/total": [[10, 1.25], [20, 2.5]], "kl": [[10, -0.5]] })
+        );
     }
 }

@@ -80,7 +80,7 @@ pub fn remarks(model: &Model) -> Vec<String> {
 pub fn parts(robot: &Path) -> Vec<PathBuf> {
     let home = robot.parent().unwrap_or(Path::new(""));
     let mut folders = vec![home.to_owned()];
-    let (mut found, mut open) = (Vec::<PathBuf>::new(), vec![robot.to_owned()]);
+    let (mut paths, mut open) = (Vec::<PathBuf>::new(), vec![robot.to_owned()]);
     while let Some(path) = open.pop() {
         let Ok(text) = files::read_text(&path, files::MAX_BYTES) else { continue };
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
@@ -98,14 +98,14 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
             };
             let places = folders.iter().map(|folder| folder.join(file)).filter(|path| path.is_file());
             for path in places.collect::<Vec<_>>() {
-                if !found.contains(&path) {
-                    found.push(path.clone());
+                if !paths.contains(&path) {
+                    paths.push(path.clone());
                     open.extend(includes.then_some(path));
                 }
             }
         }
     }
-    found
+    paths
 }
 
 #[cfg(test)]
@@ -129,9 +129,9 @@ mod tests {
         write("b.xml", r#"<mujoco><asset><hfield file="h.png"/></asset><include file="a.xml"/></mujoco>"#);
         write("robots/heights/h.png", "x");
         write("robots/heights/m.stl", "x");
-        let mut found: Vec<PathBuf> = parts(&robot).iter().map(|path| path.canonicalize().unwrap()).collect();
-        found.sort();
+        let mut paths: Vec<PathBuf> = parts(&robot).iter().map(|path| path.canonicalize().unwrap()).collect();
+        paths.sort();
         let root = folder.path().canonicalize().unwrap();
-        assert_eq!(found, ["b.xml", "robots/a.xml", "robots/heights/h.png"].map(|name| root.join(name)));
+        assert_eq!(paths, ["b.xml", "robots/a.xml", "robots/heights/h.png"].map(|name| root.join(name)));
     }
 }

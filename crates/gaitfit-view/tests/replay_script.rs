@@ -131,11 +131,11 @@ fn node_bodies_are_where_rotation_matrices_place_them() {
     let lines: Vec<&str> = printed.lines().collect();
     assert_eq!(lines.len(), 5);
     // Six cells of two triangles of three corners of six numbers; a vertex; the plane's normal.
-    let found: Vec<f64> = lines[3].split(' ').map(|x| x.parse().unwrap()).collect();
+    let numbers: Vec<f64> = lines[3].split(' ').map(|x| x.parse().unwrap()).collect();
     let slope = 0.2f64;
     let norm = slope.hypot(1.0);
     let wanted = [216.0, 0.0, 2.5, 0.2, -slope / norm, 0.0, 1.0 / norm];
-    assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}, not {wanted:?}");
+    assert!(numbers.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{numbers:?}, not {wanted:?}");
     // All three rows, and the columns at -0.5, 0 and 0.5.
     assert_eq!(lines[4], "6");
     for (line, frame) in lines.iter().zip([0, 37, 99]) {

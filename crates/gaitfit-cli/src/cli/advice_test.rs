@@ -24,15 +24,15 @@ fn root() -> PathBuf {
 }
 
 /// All files below `folder` with one of the endings.
-fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
+fn files(folder: &Path, endings: &[&str], paths: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let left_out = ["target", "tests", "fixtures", "node_modules"].contains(&name.as_str());
         if path.is_dir() && !left_out && !name.starts_with('.') {
-            files(&path, endings, found);
+            files(&path, endings, paths);
         } else if endings.iter().any(|ending| name.ends_with(ending)) && !name.ends_with("_test.rs") {
-            found.push(path);
+            paths.push(path);
         }
     }
 }
@@ -98,12 +98,12 @@ fn commands(file: &str, text: &str) -> Vec<Advice> {
         aliases.chain([one.get_name().to_owned()]).collect::<Vec<_>>()
     };
     let known: Vec<String> = Cli::command().get_subcommands().flat_map(names).collect();
-    let mut found = Vec::new();
+    let mut advice = Vec::new();
     let mut add = |line: &str, whole: bool| {
         let words = words(line);
         let command = words.get(1).is_some_and(|word| known.contains(word) || word.starts_with("--"));
         if command {
-            found.push(Advice { file: file.to_owned(), words, whole });
+            advice.push(Advice { file: file.to_owned(), words, whole });
         }
     };
     if file.ends_with(".md") {
@@ -130,7 +130,7 @@ fn commands(file: &str, text: &str) -> Vec<Advice> {
         };
         add(&rest[..end.unwrap_or(rest.len())], false);
     }
-    found
+    advice
 }
 
 /// All commands of messages, help texts and documentation.
@@ -143,12 +143,12 @@ fn all() -> Vec<Advice> {
     for name in ["README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"] {
         paths.push(root.join(name));
     }
-    let mut found = Vec::new();
+    let mut advice = Vec::new();
     for path in paths {
         let name = path.strip_prefix(&root).unwrap().display().to_string();
-        found.extend(commands(&name, &std::fs::read_to_string(&path).unwrap()));
+        advice.extend(commands(&name, &std::fs::read_to_string(&path).unwrap()));
     }
-    found
+    advice
 }
 
 /// Why a command cannot be given, if it cannot.
@@ -239,14 +239,14 @@ fn the_settings_that_help_texts_give_as_examples_are_those_of_the_command() {
 
 #[test]
 fn what_cannot_be_given_is_seen() {
-    let found = |file: &str, text: &str| -> Vec<bool> {
+    let is_wrong = |file: &str, text: &str| -> Vec<bool> {
         commands(file, text).iter().map(|advice| wrong(advice).is_some()).collect()
     };
     let source =
         "\"try `gaitfit train \\\n    --sedes 3`, or `gaitfit train`; then: gaitfit export --rebot x\"";
-    assert_eq!(found("a.rs", source), [true, false, true]);
+    assert_eq!(is_wrong("a.rs", source), [true, false, true]);
     let page = "```sh\ngaitfit adapt\ngaitfit adapt a.toml   # a comment\ngaitfit config train > a.toml\n```\nwith `gaitfit adapt`";
-    assert_eq!(found("a.md", page), [true, false, false, false]);
+    assert_eq!(is_wrong("a.md", page), [true, false, false, false]);
     assert_eq!(sets(&words("gaitfit train --set 'a=[1, 2]' --set b=1 # x")), ["a=[1, 2]", "b=1"]);
     assert!(read_settings("train", &["optimizer.seeds=3".to_owned()]).unwrap().is_err());
 }

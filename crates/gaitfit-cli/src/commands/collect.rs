@@ -47,13 +47,13 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
     };
     output::note(&settings.device.line());
     interrupt::listen()?;
-    let found = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
+    let collection = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
     let document = Document {
-        simulator: found.simulator,
-        trajectories: found.files.len(),
+        simulator: collection.simulator,
+        trajectories: collection.files.len(),
         seconds: args.seconds,
-        falls: found.falls,
-        files: found.files,
+        falls: collection.falls,
+        files: collection.files,
     };
     if args.json {
         return output::print_json(&document);

@@ -20,41 +20,41 @@ struct Report {
 
 /// Prints version, processor, vector instructions, threads and GPUs.
 pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
-    let (found, cuda) = (machine(), find());
+    let (machine, cuda) = (machine(), find());
     let device = Device::among(&cuda).to_string();
     if args.json {
-        return output::print_json(&Report { machine: found, cuda, device });
+        return output::print_json(&Report { machine, cuda, device });
     }
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
         "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}device     \
          {device} (used by fits and trainings without --device)\n",
-        found.gaitfit,
-        found.platform,
-        named(&found.processor),
-        named(&found.features.join(", ")),
-        found.engine,
-        found.threads,
+        machine.gaitfit,
+        machine.platform,
+        named(&machine.processor),
+        named(&machine.features.join(", ")),
+        machine.engine,
+        machine.threads,
         gpus(&cuda),
     ))
 }
 
 /// One line a GPU, then driver and compiler, then what is missing.
-fn gpus(found: &Found) -> String {
+fn gpus(cuda: &Found) -> String {
     let mut lines = Vec::new();
-    for gpu in &found.gpus {
+    for gpu in &cuda.gpus {
         let (major, minor) = gpu.capability;
         let memory = bytes(gpu.memory);
         let (number, name) = (gpu.ordinal, &gpu.name);
         lines.push(format!("GPU {number}      {name}, {memory}, compute capability {major}.{minor}"));
     }
-    if let Some(driver) = &found.driver {
+    if let Some(driver) = &cuda.driver {
         lines.push(format!("CUDA       {driver} (driver)"));
     }
-    if let (Some(version), Some(path)) = (&found.nvrtc, &found.nvrtc_path) {
+    if let (Some(version), Some(path)) = (&cuda.nvrtc, &cuda.nvrtc_path) {
         lines.push(format!("NVRTC      {version} ({path})"));
     }
-    lines.extend(found.problems.iter().map(|problem| format!("no GPU     {problem}")));
+    lines.extend(cuda.problems.iter().map(|problem| format!("no GPU     {problem}")));
     lines.iter().map(|line| format!("{line}\n")).collect()
 }
 
@@ -64,11 +64,11 @@ mod tests {
 
     #[test]
     fn gpus_and_what_is_missing_are_said() {
-        let mut found = Found { problems: vec!["there is no NVIDIA driver".into()], ..Found::default() };
-        assert_eq!(gpus(&found), "no GPU     there is no NVIDIA driver\n");
-        found.problems.clear();
-        found.driver = Some("13.0".into());
-        found.gpus.push(gaitfit_cuda::runtime::DeviceInfo {
+        let mut cuda = Found { problems: vec!["there is no NVIDIA driver".into()], ..Found::default() };
+        assert_eq!(gpus(&cuda), "no GPU     there is no NVIDIA driver\n");
+        cuda.problems.clear();
+        cuda.driver = Some("13.0".into());
+        cuda.gpus.push(gaitfit_cuda::runtime::DeviceInfo {
             ordinal: 0,
             name: "NVIDIA H200".into(),
             memory: 141 << 30,
@@ -78,6 +78,6 @@ mod tests {
             cache: 60 << 20,
         });
         let wanted = "GPU 0      NVIDIA H200, 141.0 GiB, compute capability 9.0\nCUDA       13.0 (driver)\n";
-        assert_eq!(gpus(&found), wanted);
+        assert_eq!(gpus(&cuda), wanted);
     }
 }

@@ -47,42 +47,42 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     let asked = args.commands(policy);
     let robot = settings::load::<AdaptConfig>(Some(&args.file), &args.set)?.robot;
     interrupt::listen()?;
-    let found = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&asked, watch))?;
-    files::write(&args.out, playlist::text(&found.sequences).as_bytes())?;
+    let commands = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&asked, watch))?;
+    files::write(&args.out, playlist::text(&commands.sequences).as_bytes())?;
     if args.json {
-        return output::print_json(&Chosen { commands: &found, written: &args.out });
+        return output::print_json(&Chosen { commands: &commands, written: &args.out });
     }
     let header = ["parameter", "recorded", "random", "chosen", "unit", "chosen over random"];
     let mut rows = table(&header, &[1, 2, 3, 5]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
-    for Expected { name, unit, counts, recorded, random, chosen } in &found.parameters {
+    for Expected { name, unit, counts, recorded, random, chosen } in &commands.parameters {
         let ratio = random
             .zip(*chosen)
             .map_or_else(|| "–".to_owned(), |(random, chosen)| format!("{:.2}", chosen / random));
         let name = format!("{}{}", shown(name), if *counts { "" } else { " (does not count)" });
         rows.add_row([name, number(*recorded), number(*random), number(*chosen), unit.clone(), ratio]);
     }
-    let logs = found.recorded_seconds.map_or_else(String::new, |seconds| {
+    let logs = commands.recorded_seconds.map_or_else(String::new, |seconds| {
         let config = shown(&args.file.display().to_string());
         format!(", both beside the {seconds:.0} s of logs that {config} names (alone: recorded)")
     });
     let mut text = format!(
         "{} command sequences of {} s for {}, chosen from {}; the policy fell under {} of these.\n\nExpected standard \
          deviations of a fit, with as many random commands and with the chosen ones{logs}:\n\n{rows}\n\n",
-        found.sequences.len(),
+        commands.sequences.len(),
         asked.seconds,
-        shown(&found.robot),
-        found.pool,
-        found.fell,
+        shown(&commands.robot),
+        commands.pool,
+        commands.fell,
     );
-    if let Some(ratio) = found.ratio {
+    if let Some(ratio) = commands.ratio {
         let percent = 100.0 * ratio;
         let _ = writeln!(
             text,
             "The geometric mean of those that count is {percent:.0} % of that with random commands."
         );
     }
-    for note in &found.notes {
+    for note in &commands.notes {
         let _ = writeln!(text, "note: {note}");
     }
     let _ = writeln!(text, "{}", args.out.display());

@@ -39,7 +39,7 @@ struct Document<'a> {
 
 /// What logs show, and how many of them.
 struct Looked {
-    found: SwingFindings,
+    findings: SwingFindings,
     read: usize,
     seconds: f64,
     left_out: usize,
@@ -56,7 +56,7 @@ impl Looked {
             left_out: self.left_out,
             causes,
             warnings: &self.warnings,
-            without_simulation: &self.found,
+            without_simulation: &self.findings,
         }
     }
 
@@ -76,8 +76,8 @@ impl Looked {
 
     /// Whether the effects were compared with simulated robots, in a line.
     fn comparison(&self, input: ExplainInput<'_>) -> String {
-        let compared = self.found.effects.iter().any(|effect| effect.without.is_some());
-        match (input.policy, &self.found.not_corrected) {
+        let compared = self.findings.effects.iter().any(|effect| effect.without.is_some());
+        match (input.policy, &self.findings.not_corrected) {
             (Some(_), _) if compared => {
                 "Logs of simulated robots without effects show a part of them too; it is subtracted from the effects of joints.\n"
                     .to_owned()
@@ -118,7 +118,7 @@ fn findings(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failur
         Some(policy) => compared(input, policy, watch)?,
         None => without_simulation(input, watch)?,
     };
-    match (&looked.found.swings, &looked.found.why_not) {
+    match (&looked.findings.swings, &looked.findings.why_not) {
         (None, Some(why)) => {
             let logs = input.logs;
             Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
@@ -149,7 +149,7 @@ fn compared(input: ExplainInput<'_>, policy: &Path, watch: &Watch<'_>) -> Result
         seconds: fitted.iter().map(|log| log.trajectory.duration()).sum(),
         left_out: 0,
         warnings: setup.warnings,
-        found: setup.swings.unwrap_or_default(),
+        findings: setup.swings.unwrap_or_default(),
     })
 }
 
@@ -158,7 +158,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
     let ExplainInput { logs, robot, lenient, .. } = input;
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
-    let (all, used) = if logs.is_dir() {
+    let (count, used) = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let read = |count: &mut Count<'_>| summarise_folder(logs, &ReadOptions::default(), &spec, count);
         let summary = watch.counted("log", "logs", read).map_err(Failure::failed)?;
@@ -174,8 +174,8 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
         }
         (1, vec![log])
     };
-    let found = look::look(path, lenient, &used.iter().collect::<Vec<_>>(), watch)?;
-    let found = found.ok_or_else(|| {
+    let findings = look::look(path, lenient, &used.iter().collect::<Vec<_>>(), watch)?;
+    let findings = findings.ok_or_else(|| {
         Failure::failed(format!(
             "{}: none of the logs can be explained: {}",
             logs.display(),
@@ -187,9 +187,9 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
     Ok(Looked {
         read: used.len(),
         seconds: used.iter().map(seconds).sum(),
-        left_out: all.saturating_sub(used.len()),
+        left_out: count.saturating_sub(used.len()),
         warnings: Vec::new(),
-        found,
+        findings,
     })
 }
 
@@ -199,7 +199,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
 /// Files that cannot be used, in a sentence.
 pub fn document(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<String, Failure> {
     let looked = findings(input, watch)?;
-    serde_json::to_string(&looked.document(input, &causes(&looked.found))).map_err(Failure::failed)
+    serde_json::to_string(&looked.document(input, &causes(&looked.findings))).map_err(Failure::failed)
 }
 
 /// Prints the causes that the logs show, the weightiest first. A log that must not be used is refused. In a folder it is left out,
@@ -208,7 +208,7 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
     let input = ExplainInput::from(args);
     let looked = watched(look::LINES, |watch| findings(input, watch))?;
     looked.warnings.iter().for_each(|warning| output::note(&format!("note: {warning}")));
-    let causes = causes(&looked.found);
+    let causes = causes(&looked.findings);
     if args.json {
         return output::print_json(&looked.document(input, &causes));
     }

@@ -309,7 +309,7 @@ mod tests {
         layout.write(&sensed, None, |_, _| (), &mut row);
         let parts = observed(interface);
         assert_eq!(parts.len(), row.len());
-        let found = |column: &str| {
+        let reading = |column: &str| {
             let place = parts
                 .iter()
                 .position(|part| part.as_ref().is_some_and(|part| part.column == column))
@@ -318,13 +318,13 @@ mod tests {
             f64::from(row[place]) / part.scale + part.offset
         };
         for (joint, name) in interface.joints.iter().enumerate() {
-            assert!((found(&format!("q_{name}")) - f64::from(sensed.joint_position[joint])).abs() < 1e-5);
-            assert!((found(&format!("dq_{name}")) - f64::from(sensed.joint_velocity[joint])).abs() < 1e-5);
+            assert!((reading(&format!("q_{name}")) - f64::from(sensed.joint_position[joint])).abs() < 1e-5);
+            assert!((reading(&format!("dq_{name}")) - f64::from(sensed.joint_velocity[joint])).abs() < 1e-5);
         }
         for (column, value) in
             [("wy", -0.2), ("projected_gravity_z", -0.99), ("vx_cmd", 0.5), ("wz_cmd", -0.4)]
         {
-            assert!((found(column) - value).abs() < 1e-6, "{column}");
+            assert!((reading(column) - value).abs() < 1e-6, "{column}");
         }
     }
 }

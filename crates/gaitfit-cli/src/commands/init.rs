@@ -157,7 +157,7 @@ fn file_for(robot: &str) -> PathBuf {
 
 fn shown(document: &Document) -> String {
     let mut text = format!("{}: {}\n", document.robot, document.written);
-    let mut line = |what: &str, found: &str| text.push_str(&format!("  {what:<10}{found}\n"));
+    let mut line = |what: &str, value: &str| text.push_str(&format!("  {what:<10}{value}\n"));
     if let Some(file) = &document.robot_file {
         line("robot", &format!("{file}: the robot's file, mended; it lists what changed"));
     }

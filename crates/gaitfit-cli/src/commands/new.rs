@@ -155,15 +155,15 @@ fn logs_beside(folder: &Path, recordings: &[PathBuf], args: &New) -> Result<Opti
     if !recordings.iter().all(|recording| recording.with_extension("csv").is_file()) {
         return Ok(None);
     }
-    let all = csv_files(folder).map_err(Failure::failed)?;
+    let files = csv_files(folder).map_err(Failure::failed)?;
     let is_whole = |path: &&PathBuf| path.file_name().is_some_and(|name| name == WHOLE);
-    let logs: Vec<PathBuf> = all.iter().filter(|path| !is_whole(path)).cloned().collect();
+    let logs: Vec<PathBuf> = files.iter().filter(|path| !is_whole(path)).cloned().collect();
     for log in &logs {
         if !is_log(log, args)? {
             return Ok(None);
         }
     }
-    Ok(Some(if all.len() == logs.len() { vec![folder.to_owned()] } else { logs }))
+    Ok(Some(if files.len() == logs.len() { vec![folder.to_owned()] } else { logs }))
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {

@@ -15,8 +15,8 @@ fn wanted(args: &Record) -> Result<Vec<Topic>, Failure> {
     let text = files::read_text(&args.topics, MAX_MAPPING_BYTES)
         .map_err(|error| Failure::usage(format!("cannot read {shown}: {error}")))?;
     let mapping = Mapping::parse(&text).map_err(|error| Failure::usage(format!("{shown}: {error}")))?;
-    let found = topics(&mapping.topics).map_err(|error| Failure::usage(format!("{shown}: {error}")))?;
-    if let Some(topic) = found.iter().find(|topic| !is_known(&topic.kind)) {
+    let topics = topics(&mapping.topics).map_err(|error| Failure::usage(format!("{shown}: {error}")))?;
+    if let Some(topic) = topics.iter().find(|topic| !is_known(&topic.kind)) {
         return Err(Failure::usage(format!(
             "{shown}: topics: the type `{}` of `{}` is not known; known are {}",
             topic.kind,
@@ -24,7 +24,7 @@ fn wanted(args: &Record) -> Result<Vec<Topic>, Failure> {
             known_types().join(", ")
         )));
     }
-    Ok(found)
+    Ok(topics)
 }
 
 /// Listens, writes what comes as a recording, and makes a log of it.

@@ -345,8 +345,8 @@ fn shown(args: &Run, summary: &Summary) -> String {
     };
     let delay = summary
         .delay
-        .map_or("not measured: the walk is short, or no torques are reported".to_owned(), |found| {
-            format!("{} ms, {:.0} % of the torque unexplained", found.ms, 100.0 * found.residual)
+        .map_or("not measured: the walk is short, or no torques are reported".to_owned(), |delay| {
+            format!("{} ms, {:.0} % of the torque unexplained", delay.ms, 100.0 * delay.residual)
         });
     let rows = [
         (

@@ -45,11 +45,11 @@ fn text(results: &SensitivityResults) -> String {
 }
 
 /// A table of how well logs identify each parameter.
-pub fn parameters(all: &[ParameterSensitivity]) -> Table {
+pub fn parameters(sensitivities: &[ParameterSensitivity]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
-    for ParameterSensitivity { name, unit, value, deviation, alone, identified, like } in all {
+    for ParameterSensitivity { name, unit, value, deviation, alone, identified, like } in sensitivities {
         rows.add_row([
             name.clone(),
             format!("{value:.5}"),

@@ -43,7 +43,7 @@ fn text(results: &ValidateResults) -> String {
     let cost = format!("{} cost", results.cost_name);
     // Samples of walks that run freely are not compared one by one; there is no error then.
     let errors = results.rmse_rad.is_some() || results.nominal_rmse_rad.is_some();
-    let mut all = match errors {
+    let mut rows = match errors {
         true => table(&["all logs", &cost, "rmse rad"], &[1, 2]),
         false => table(&["all logs", &cost], &[1]),
     };
@@ -53,9 +53,9 @@ fn text(results: &ValidateResults) -> String {
     ] {
         let mut row = vec![robot.to_owned(), number(cost)];
         row.extend(errors.then(|| number(rmse)));
-        all.add_row(row);
+        rows.add_row(row);
     }
-    let _ = writeln!(text, "{all}\n");
+    let _ = writeln!(text, "{rows}\n");
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "{}\n", distances(held));
     }

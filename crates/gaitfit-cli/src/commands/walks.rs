@@ -108,8 +108,8 @@ fn check_ranges(
         return Ok(());
     }
     let parts = ["vx", "vy", "wz"].into_iter().zip(task.command.ranges(1.0)).zip(extremes);
-    for ((name, [low, high]), found) in parts {
-        let beyond = found.into_iter().find(|speed| *speed < low - ROUNDING || *speed > high + ROUNDING);
+    for ((name, [low, high]), speeds) in parts {
+        let beyond = speeds.into_iter().find(|speed| *speed < low - ROUNDING || *speed > high + ROUNDING);
         if let Some(beyond) = beyond {
             return Err(Failure::usage(format!(
                 "{named}: {name} = {} is outside the policy's training, {low} to {high}; {remedy}",

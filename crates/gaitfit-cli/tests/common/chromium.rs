@@ -30,10 +30,10 @@ pub struct Browser {
 /// The first Chromium on the path.
 fn installed() -> PathBuf {
     let path = std::env::var_os("PATH").unwrap();
-    let mut found = std::env::split_paths(&path)
+    let mut programs = std::env::split_paths(&path)
         .flat_map(|folder| NAMES.map(|name| folder.join(name)))
         .filter(|p| p.is_file());
-    found.next().unwrap_or_else(|| panic!("none of {NAMES:?} is on the path"))
+    programs.next().unwrap_or_else(|| panic!("none of {NAMES:?} is on the path"))
 }
 
 impl Browser {

@@ -160,7 +160,8 @@ impl Comparison {
     /// What it takes of the GPU's memory, by name, bytes.
     pub fn parts(device: &Device, sizes: Sizes) -> Vec<(&'static str, u64)> {
         let Sizes { candidates, recordings, samples, dimensions, .. } = sizes;
-        let product = |of: &[usize]| of.iter().fold(1u64, |all, &one| all.saturating_mul(one as u64));
+        let product =
+            |factors: &[usize]| factors.iter().fold(1u64, |product, &one| product.saturating_mul(one as u64));
         let keys = if items(device, sizes) > 0 { 0 } else { sizes.sorted().saturating_mul(2) };
         vec![
             ("keys", product(&[4, candidates, dimensions, keys])),

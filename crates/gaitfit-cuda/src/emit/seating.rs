@@ -39,7 +39,7 @@ impl Seating {
         let mut seating = Self { lanes, ..Self::alone(outline) };
         let children = children(outline);
         let kinds = kinds(outline, &children);
-        let mut found = false;
+        let mut has_limbs = false;
         // Links that belong to all, whose children are looked at.
         let mut trunk = vec![0];
         while let Some(link) = trunk.pop() {
@@ -52,14 +52,14 @@ impl Seating {
                     trunk.extend(alike);
                     continue;
                 }
-                found = true;
+                has_limbs = true;
                 let each = alike.len() / lanes;
                 for (number, &limb) in alike.iter().enumerate() {
                     seating.seat(outline, &children, number / each, limb, alike[number % each]);
                 }
             }
         }
-        found.then_some(seating)
+        has_limbs.then_some(seating)
     }
 
     /// Puts the limb that begins with `link` into a lane. `twin` begins its counterpart in lane 0.
@@ -87,7 +87,7 @@ impl Seating {
 
     /// The lane of an owner, `None` if it belongs to all, and its counterpart in lane 0.
     pub fn place(&self, owner: Owner) -> (Option<usize>, Owner) {
-        let found = match owner {
+        let place = match owner {
             Owner::Base => None,
             Owner::Link(link) => self.links.get(link).map(|place| (place.lane, Owner::Link(place.twin))),
             Owner::Joint(joint) => self
@@ -96,7 +96,7 @@ impl Seating {
                 .map(|place| (place.lane, Owner::Joint(place.twin.saturating_sub(1)))),
             Owner::Pair(pair) => self.pairs.get(pair).map(|place| (place.lane, Owner::Pair(place.twin))),
         };
-        found.unwrap_or((None, owner))
+        place.unwrap_or((None, owner))
     }
 }
 

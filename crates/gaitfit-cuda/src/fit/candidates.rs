@@ -120,7 +120,7 @@ impl Candidates {
             Subject::Walk(..) => dimensions.saturating_sub(6),
             Subject::Replay(_) => dimensions,
         };
-        let mut found: Vec<Option<Parts>> = vec![None; jobs.len()];
+        let mut parts: Vec<Option<Parts>> = vec![None; jobs.len()];
         for (structure, mut own) in self.groups(subject, jobs)? {
             own.sort_by_key(|&job| compared[job] == Compared::Squares);
             let mut rest = own.as_slice();
@@ -141,14 +141,14 @@ impl Candidates {
                 )?;
                 for (place, &job) in now.iter().enumerate() {
                     let pieces = if place < distances { &near } else { &squares };
-                    found[job] = Some(Parts {
+                    parts[job] = Some(Parts {
                         ends: ends[place * recordings..(place + 1) * recordings].to_vec(),
                         pieces: pieces[place * dimensions..(place + 1) * dimensions].to_vec(),
                     });
                 }
             }
         }
-        Ok(found.into_iter().flatten().collect())
+        Ok(parts.into_iter().flatten().collect())
     }
 
     /// Simulates every job and hands `consume(job, recording, tracks)` its signals, once, from any thread.
@@ -324,8 +324,8 @@ impl Candidates {
     /// # Errors
     /// A failure of the GPU.
     pub fn breakdown(&self) -> Result<Vec<(&'static str, f64)>, FitError> {
-        let mut found = Vec::new();
-        let Some(session) = self.sessions.last() else { return Ok(found) };
+        let mut times = Vec::new();
+        let Some(session) = self.sessions.last() else { return Ok(times) };
         for part in ["all", "step", "disturb", "physics"] {
             let mut graph = self.stream.record(|stream| session.start_part(stream, part))?;
             let (from, to) = (Event::new(&self.device)?, Event::new(&self.device)?);
@@ -333,8 +333,8 @@ impl Candidates {
             from.record(&self.stream)?;
             graph.launch(&self.stream)?;
             to.record(&self.stream)?;
-            found.push((part, from.seconds_until(&to)?));
+            times.push((part, from.seconds_until(&to)?));
         }
-        Ok(found)
+        Ok(times)
     }
 }

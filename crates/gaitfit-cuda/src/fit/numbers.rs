@@ -46,21 +46,21 @@ impl Numbers {
     ) -> Result<Self, FitError> {
         let robots = pool::map(jobs.len(), threads, |job| robot(subject, &jobs[job]));
         let robots = robots.into_iter().collect::<Result<Vec<_>, _>>()?;
-        let mut all = Self::default();
+        let mut numbers = Self::default();
         for place in 0..if jobs.is_empty() { 0 } else { count } {
             let (job, (params, weights)) = (&jobs[place % jobs.len()], &robots[place % jobs.len()]);
             let robot = &job.candidate.robot;
-            all.params.extend(params);
-            all.factors.extend(robot.kp_scale.iter().chain(&robot.kd_scale).chain(&robot.encoder_bias));
+            numbers.params.extend(params);
+            numbers.factors.extend(robot.kp_scale.iter().chain(&robot.kd_scale).chain(&robot.encoder_bias));
             let every = job.reset_every.map(|every| every.max(1));
-            all.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
-            all.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
-            all.begins.push(start_number(job.seed, starts) as u32);
-            all.deviation.push(job.candidate.torque_noise);
-            all.imus.extend(Imu::numbers(job.candidate.sensors.imu().as_ref()));
-            all.weights.push(weights.clone());
+            numbers.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
+            numbers.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
+            numbers.begins.push(start_number(job.seed, starts) as u32);
+            numbers.deviation.push(job.candidate.torque_noise);
+            numbers.imus.extend(Imu::numbers(job.candidate.sensors.imu().as_ref()));
+            numbers.weights.push(weights.clone());
         }
-        Ok(all)
+        Ok(numbers)
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Session {
     pub asked: usize,
     batch: Batch,
     plan: Plan,
-    own: Vec<Option<Storage>>,
+    storages: Vec<Option<Storage>>,
     kernels: Vec<(&'static str, Kernel)>,
     comparison: Option<Comparison>,
     graph: Option<Graph>,
@@ -117,7 +117,7 @@ impl Session {
         device.check_room(&parts)?;
         let module = device.load(&plan.program)?;
         let kernels = module.kernels(plan.kernels())?;
-        let own = plan
+        let storages = plan
             .arrays
             .iter()
             .zip(&plan.physics)
@@ -139,7 +139,7 @@ impl Session {
         };
         let comparison = measured.map(compare).transpose()?;
         let mut session =
-            Self { physics: physics.clone(), asked, batch, plan, own, kernels, comparison, graph: None };
+            Self { physics: physics.clone(), asked, batch, plan, storages, kernels, comparison, graph: None };
         session.write(stream, "lengths", &tables.lengths)?;
         for (name, numbers) in &tables.singles {
             session.write(stream, name, numbers)?;
@@ -165,13 +165,13 @@ impl Session {
 
     /// Bytes of the GPU's memory.
     pub fn bytes(&self) -> u64 {
-        let arrays = self.plan.arrays.iter().zip(&self.own).filter(|(_, storage)| storage.is_some());
+        let arrays = self.plan.arrays.iter().zip(&self.storages).filter(|(_, storage)| storage.is_some());
         self.batch.bytes() as u64 + arrays.map(|(array, _)| array.bytes()).sum::<u64>()
     }
 
     fn storage(&mut self, name: &str) -> Option<&mut Storage> {
         let Id(number) = self.plan.array(name)?;
-        self.own.get_mut(number)?.as_mut()
+        self.storages.get_mut(number)?.as_mut()
     }
 
     fn write<T: Stored>(&mut self, stream: &Stream, name: &str, numbers: &[T]) -> Result<(), CudaError> {
@@ -239,14 +239,14 @@ impl Session {
     fn launch(&self, stream: &Stream, launch: &Launch) -> Result<(), CudaError> {
         launch.start(stream, &self.kernels, |number| match self.plan.physics[number] {
             Some(class) => Some(self.batch.numbers(class)),
-            None => self.own[number].as_ref().map(Storage::argument),
+            None => self.storages[number].as_ref().map(Storage::argument),
         })
     }
 
     fn results(&self) -> Option<(&Buffer<f32>, &Buffer<u32>)> {
         let storage = |name: &str| {
             let Id(number) = self.plan.array(name)?;
-            self.own.get(number)?.as_ref()
+            self.storages.get(number)?.as_ref()
         };
         match (storage("signals"), storage("ends")) {
             (Some(Storage::F32(signals)), Some(Storage::U32(ends))) => Some((signals, ends)),
@@ -276,7 +276,7 @@ impl Session {
         squares: bool,
     ) -> Result<(Vec<f64>, Vec<f64>, Vec<u32>), FitError> {
         let mut comparison = self.comparison.take();
-        let found = match (&mut comparison, self.results()) {
+        let results = match (&mut comparison, self.results()) {
             (Some(comparison), Some((signals, ends))) => {
                 if distances > 0 {
                     comparison.start_distances(stream, signals, ends, distances, compared)?;
@@ -289,6 +289,6 @@ impl Session {
             _ => Default::default(),
         };
         self.comparison = comparison;
-        Ok(found)
+        Ok(results)
     }
 }

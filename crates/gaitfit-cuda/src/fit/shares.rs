@@ -44,9 +44,9 @@ pub(super) fn shared<W: Worker, T: Send>(
     let (count, failed) = (workers.len(), AtomicBool::new(false));
     let cancel = || failed.load(Ordering::Relaxed) || cancel();
     let one = |number: usize, worker: &mut W| {
-        let found = work(worker, share(jobs, count, number), &cancel);
-        failed.fetch_or(found.is_err(), Ordering::Relaxed);
-        found.map_err(|error| error.on(worker.ordinal()))
+        let result = work(worker, share(jobs, count, number), &cancel);
+        failed.fetch_or(result.is_err(), Ordering::Relaxed);
+        result.map_err(|error| error.on(worker.ordinal()))
     };
     let results: Vec<Result<T, FitError>> = std::thread::scope(|scope| {
         let one = &one;
@@ -58,15 +58,15 @@ pub(super) fn shared<W: Worker, T: Send>(
         };
         threads.into_iter().map(join).collect()
     });
-    let (mut found, mut failures) = (Vec::with_capacity(results.len()), Vec::new());
+    let (mut values, mut failures) = (Vec::with_capacity(results.len()), Vec::new());
     for result in results {
         match result {
-            Ok(one) => found.push(one),
+            Ok(one) => values.push(one),
             Err(error) => failures.push(error),
         }
     }
     let graver = |first, next| if matches!(first, FitError::Cancelled) { next } else { first };
-    failures.into_iter().reduce(graver).map_or(Ok(found), Err)
+    failures.into_iter().reduce(graver).map_or(Ok(values), Err)
 }
 
 #[cfg(test)]
@@ -102,12 +102,12 @@ mod tests {
         for workers in 1..=4 {
             for jobs in [0, 1, 3, 7, 24] {
                 let mut toys = toys(workers);
-                let found = shared(&mut toys, jobs, &|| false, |toy, share, _| {
+                let results = shared(&mut toys, jobs, &|| false, |toy, share, _| {
                     toy.did.extend(share.clone());
                     Ok(share.map(|job| 10 * job).collect::<Vec<_>>())
                 });
-                let found: Vec<usize> = found.unwrap().into_iter().flatten().collect();
-                assert_eq!(found, (0..jobs).map(|job| 10 * job).collect::<Vec<_>>());
+                let values: Vec<usize> = results.unwrap().into_iter().flatten().collect();
+                assert_eq!(values, (0..jobs).map(|job| 10 * job).collect::<Vec<_>>());
                 let each: Vec<usize> = toys.iter().map(|toy| toy.did.len()).collect();
                 assert_eq!(each.iter().sum::<usize>(), jobs);
                 let (min, max) = (each.iter().min().unwrap(), each.iter().max().unwrap());
@@ -120,12 +120,12 @@ mod tests {
     #[test]
     fn all_gpus_are_at_work_at_once() {
         let all = Barrier::new(3);
-        let found = shared(&mut toys(3), 5, &|| false, |_, share, _| {
+        let counts = shared(&mut toys(3), 5, &|| false, |_, share, _| {
             // Nobody passes alone.
             all.wait();
             Ok(share.len())
         });
-        assert_eq!(found.unwrap(), [2, 2, 1]);
+        assert_eq!(counts.unwrap(), [2, 2, 1]);
     }
 
     #[test]

@@ -195,7 +195,7 @@ impl Batch {
     /// No list, or one of another length; a failure of the GPU.
     pub fn write_memory(&mut self, stream: &Stream, values: &[Vec<f64>]) -> Result<(), DeviceError> {
         let count = self.period.memory.iter().filter(|&&asked| asked).count();
-        if let Some(found) = values.iter().map(Vec::len).find(|&found| found != count) {
+        if let Some(found) = values.iter().map(Vec::len).find(|&length| length != count) {
             let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what: "memory", must, found });
         }
@@ -225,7 +225,7 @@ impl Batch {
         count: usize,
         values: &[Vec<f64>],
     ) -> Result<(), DeviceError> {
-        let wrong = values.iter().map(Vec::len).find(|&found| found != count);
+        let wrong = values.iter().map(Vec::len).find(|&length| length != count);
         if values.is_empty() || wrong.is_some() {
             let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what, must, found: wrong.unwrap_or(0) });
@@ -243,8 +243,8 @@ impl Batch {
     /// Another number of candidates or weights; a failure of the GPU.
     pub fn write_weights(&mut self, stream: &Stream, candidates: &[Vec<f64>]) -> Result<(), DeviceError> {
         let layout = &self.period.layout;
-        let all = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
-        let asked = all.zip(&self.period.weights).filter(|(_, asked)| **asked);
+        let weights = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
+        let asked = weights.zip(&self.period.weights).filter(|(_, asked)| **asked);
         let places: Vec<Place> = asked.map(|(place, _)| place).collect();
         let count = self.environments / self.per_candidate;
         let lengths = candidates.iter().all(|own| own.len() == places.len());
@@ -324,7 +324,7 @@ impl Batch {
 
 /// The numbers that a visit adds.
 fn listed(visit: impl FnOnce(&mut dyn FnMut(Slot, f64))) -> Vec<f64> {
-    let mut all = Vec::new();
-    visit(&mut |_, number| all.push(number));
-    all
+    let mut numbers = Vec::new();
+    visit(&mut |_, number| numbers.push(number));
+    numbers
 }

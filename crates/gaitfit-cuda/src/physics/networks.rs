@@ -66,10 +66,10 @@ impl Shared {
 /// # Errors
 /// Networks that do not fit the robot.
 pub(crate) fn weights(model: &Model, networks: &[JointNetworks]) -> Result<Vec<f64>, SimError> {
-    let mut all = Vec::new();
+    let mut weights = Vec::new();
     for one in networks {
         let mut compiled: JointModification<f32> = one.compile::<f32>(model)?;
-        compiled.visit_weights_mut(|_, weight| all.push(f64::from(*weight)));
+        compiled.visit_weights_mut(|_, weight| weights.push(f64::from(*weight)));
     }
-    Ok(all)
+    Ok(weights)
 }

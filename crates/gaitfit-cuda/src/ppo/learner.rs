@@ -220,7 +220,7 @@ impl Learner {
                 _ => 1,
             };
             let steps = if name == "last_value" { 1 } else { steps };
-            let mut all = vec![0.0; steps * environments * width];
+            let mut values = vec![0.0; steps * environments * width];
             for (number, samples) in tiles.iter().enumerate() {
                 let numbers = array_of(samples, name);
                 let count = samples.environments * width;
@@ -239,10 +239,10 @@ impl Learner {
                 }
                 for (step, from) in numbers.chunks_exact(count).enumerate() {
                     let to = (step * environments + number * tile) * width;
-                    all[to..to + count].copy_from_slice(from);
+                    values[to..to + count].copy_from_slice(from);
                 }
             }
-            self.write(name, &all)?;
+            self.write(name, &values)?;
         }
         let starts = tiles.iter().map(|tile| [rows_of(&tile.actor_memory), rows_of(&tile.critic_memory)]);
         let (actor, critic): (Vec<_>, Vec<_>) = starts.map(|[actor, critic]| (actor, critic)).unzip();

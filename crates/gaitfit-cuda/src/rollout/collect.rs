@@ -29,7 +29,7 @@ pub fn collect(
     let (actions, joints) = (task.walker.joints.len(), task.walker.default_pose.len());
     let width = sensed_width(actions);
     let mut targets = vec![0.0; environments * joints];
-    let mut all = Vec::with_capacity(options.count);
+    let mut logs = Vec::with_capacity(options.count);
     for first in (0..options.count).step_by(environments) {
         let mut environment = Environment::new(task, candidate, seed, first as u32, environments)?;
         play.begin(&mut environment, first as u32)?;
@@ -57,7 +57,7 @@ pub fn collect(
             }
             subject.count(count * steps.min((last - from + 1) as usize));
         }
-        all.extend(recorder.finish());
+        logs.extend(recorder.finish());
     }
-    Ok(Some(all))
+    Ok(Some(logs))
 }

@@ -45,20 +45,20 @@ pub struct Packed {
 impl Packed {
     /// Packs environments into `tiles` tiles; places beyond the last environment hold copies.
     pub fn new(scene: &Scene<'_>, snapshots: &[Snapshot], tiles: usize) -> Self {
-        let class = |class: Class, spots: &[Spot], of: &dyn Fn(&Snapshot, usize) -> f32| {
+        let class = |class: Class, spots: &[Spot], number: &dyn Fn(&Snapshot, usize) -> f32| {
             let (size, per_tile) = (scene.size(class), scene.period.layout().environments());
-            let mut all = vec![0.0; tiles * size];
+            let mut numbers = vec![0.0; tiles * size];
             for place in 0..tiles * per_tile {
                 let Some(from) = snapshots.get(place % snapshots.len().max(1)) else { break };
                 for (index, spot) in spots.iter().enumerate() {
                     let at = place / per_tile * size + spot.base + place % per_tile * spot.stride;
-                    all[at] = of(from, index);
+                    numbers[at] = number(from, index);
                 }
             }
-            all
+            numbers
         };
-        let rows = |width: usize, of: &dyn Fn(&Snapshot, usize) -> f32| -> Vec<f32> {
-            (0..width).flat_map(|k| snapshots.iter().map(move |one| of(one, k))).collect()
+        let rows = |width: usize, number: &dyn Fn(&Snapshot, usize) -> f32| -> Vec<f32> {
+            (0..width).flat_map(|k| snapshots.iter().map(move |one| number(one, k))).collect()
         };
         // An environment without a row does not read it.
         let past = |who: usize, layout: &Layout| -> Vec<f32> {

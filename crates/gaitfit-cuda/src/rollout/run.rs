@@ -21,7 +21,7 @@ pub struct Rollout<'a> {
     batch: Batch,
     plan: Plan,
     /// The rollout's own arrays, by their numbers in the plan.
-    own: Vec<Option<Arc<Storage>>>,
+    storages: Vec<Option<Arc<Storage>>>,
     kernels: Vec<(&'static str, Kernel)>,
 }
 
@@ -98,7 +98,7 @@ impl<'a> Rollout<'a> {
                 physics::weights(task.walker.model(), &candidate.networks).map_err(TaskError::from)?;
             batch.write_weights(stream, &[weights])?;
         }
-        let own = plan
+        let storages = plan
             .arrays
             .iter()
             .zip(&plan.homes)
@@ -107,7 +107,7 @@ impl<'a> Rollout<'a> {
                 _ => Ok(None),
             })
             .collect::<Result<_, CudaError>>()?;
-        let mut rollout = Self { task, period, sizes, batch, plan, own, kernels };
+        let mut rollout = Self { task, period, sizes, batch, plan, storages, kernels };
         rollout.randomise(stream, candidates, seed, first)?;
         let environments = first as usize..first as usize + sizes.environments;
         let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
@@ -148,7 +148,7 @@ impl<'a> Rollout<'a> {
 
     /// Bytes of the GPU's memory.
     pub fn bytes(&self) -> u64 {
-        let arrays = self.plan.arrays.iter().zip(&self.own).filter(|(_, own)| own.is_some());
+        let arrays = self.plan.arrays.iter().zip(&self.storages).filter(|(_, storage)| storage.is_some());
         self.batch.bytes() as u64 + arrays.map(|(array, _)| array.bytes()).sum::<u64>()
     }
 
@@ -171,7 +171,7 @@ impl<'a> Rollout<'a> {
     /// An own array, to be shared with others: it lives as long as one of them has it.
     pub(super) fn storage(&self, name: &str) -> Option<&Arc<Storage>> {
         let Id(number) = self.plan.array(name)?;
-        self.own.get(number)?.as_ref()
+        self.storages.get(number)?.as_ref()
     }
 
     /// Writes an own array. Others may read it ([`super::Shared`]): the caller has waited for all work on the GPU.
@@ -185,7 +185,7 @@ impl<'a> Rollout<'a> {
     }
 
     pub(super) fn read<T: Stored>(&self, stream: &Stream, name: &str) -> Result<Vec<T>, CudaError> {
-        let storage = self.plan.array(name).and_then(|Id(number)| self.own.get(number)?.as_ref());
+        let storage = self.plan.array(name).and_then(|Id(number)| self.storages.get(number)?.as_ref());
         storage.map_or_else(|| Ok(Vec::new()), |storage| storage.read(stream))
     }
 
@@ -381,7 +381,7 @@ impl<'a> Rollout<'a> {
         launch: &Launch,
     ) -> Result<(), CudaError> {
         launch.start(stream, &self.kernels, |number| match self.plan.homes[number] {
-            Home::Own => self.own[number].as_ref().map(|storage| storage.argument()),
+            Home::Own => self.storages[number].as_ref().map(|storage| storage.argument()),
             Home::Physics(class) => Some(self.batch.numbers(class)),
             Home::Caller => caller(self.plan.arrays[number].name),
         })

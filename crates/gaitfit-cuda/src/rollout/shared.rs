@@ -96,7 +96,7 @@ impl Shared {
         let stream = Stream::new(&self.device)?;
         let Some((storage, ready)) = &self.held.parts else { return Ok(Vec::new()) };
         stream.wait_for(ready)?;
-        let all: Vec<f32> = match &**storage {
+        let numbers: Vec<f32> = match &**storage {
             Storage::U8(buffer) => buffer.read(&stream)?.into_iter().map(f32::from).collect(),
             storage => storage.read(&stream)?,
         };
@@ -107,7 +107,7 @@ impl Shared {
                 at += rest % length * stride;
                 rest /= length;
             }
-            all.get(at).copied().unwrap_or_default()
+            numbers.get(at).copied().unwrap_or_default()
         };
         Ok((0..self.shape.iter().product()).map(number).collect())
     }

@@ -192,8 +192,8 @@ impl<'a> Stepper<'a> {
             return Err(self.refuse(place as usize)?);
         }
         if self.graph.is_none() {
-            let launch = |stream: &Stream, all: &[crate::ppo::Launch]| {
-                all.iter().try_for_each(|one| self.rollout.launch_with(stream, &|_| None, one))
+            let launch = |stream: &Stream, launches: &[crate::ppo::Launch]| {
+                launches.iter().try_for_each(|one| self.rollout.launch_with(stream, &|_| None, one))
             };
             self.graph = Some(self.stream.record(|stream| {
                 launch(stream, &plan.before(tiles))?;
@@ -284,10 +284,10 @@ impl<'a> Stepper<'a> {
     /// # Errors
     /// A failure of the GPU.
     pub fn state(&self) -> Result<(Vec<Snapshot>, u32), RolloutError> {
-        let mut all = self.rollout.snapshots(&self.stream)?;
-        all.iter_mut().for_each(|one| before_rows(self.rollout.task(), one));
+        let mut snapshots = self.rollout.snapshots(&self.stream)?;
+        snapshots.iter_mut().for_each(|one| before_rows(self.rollout.task(), one));
         let control = self.rollout.read::<u32>(&self.stream, "control")?;
-        Ok((all, control.first().copied().unwrap_or_default()))
+        Ok((snapshots, control.first().copied().unwrap_or_default()))
     }
 
     /// Makes the environments what they were before step `step`, here or on the CPU, and writes what they observe. Waits for all

@@ -171,8 +171,8 @@ impl<'a> Trainer<'a> {
             return Ok(());
         }
         let weights = |learner: &Learner| -> Result<Vec<u32>, RolloutError> {
-            let all = [learner.read_f32("parameters")?, learner.read_f32("memory_parameters")?];
-            Ok(all.concat().into_iter().map(f32::to_bits).collect())
+            let parameters = [learner.read_f32("parameters")?, learner.read_f32("memory_parameters")?];
+            Ok(parameters.concat().into_iter().map(f32::to_bits).collect())
         };
         let first = weights(self.first().1)?;
         for (learner, device) in self.learners.iter().zip(&self.devices) {
@@ -301,9 +301,9 @@ impl<'a> Trainer<'a> {
         let each = self.each();
         let [mut steps, mut terms] = [Vec::new(), Vec::new()];
         for (rollout, learner) in self.rollouts.iter().zip(&self.learners) {
-            let all = rollout.read_f64(learner.stream(), "tally")?;
+            let tally = rollout.read_f64(learner.stream(), "tally")?;
             for (to, sum) in [(&mut steps, Sum::BrokenAt), (&mut terms, Sum::BrokenTerm)] {
-                to.extend_from_slice(&all[sum.place(self.terms) * each..][..each]);
+                to.extend_from_slice(&tally[sum.place(self.terms) * each..][..each]);
             }
         }
         let broken = steps.iter().enumerate().filter(|(_, step)| **step > 0.0);

@@ -24,7 +24,7 @@ pub fn run_trials(
     let mut play = Play::new(device, subject, Mode::Trials, count, last)?;
     let (environments, steps) = (play.environments, play.steps);
     let joints = subject.task.walker.joints.len();
-    let mut all = Vec::with_capacity(count);
+    let mut finished = Vec::with_capacity(count);
     for first in (0..count).step_by(environments) {
         let mut environment = trial_environments(subject, first as u32, environments)?;
         play.begin(&mut environment, first as u32)?;
@@ -49,7 +49,7 @@ pub fn run_trials(
             }
             subject.count(environments.min(count - first) * steps.min((last - from + 1) as usize));
         }
-        all.extend(trials.finish().into_iter().take(count - first));
+        finished.extend(trials.finish().into_iter().take(count - first));
     }
-    Ok(Some(all))
+    Ok(Some(finished))
 }

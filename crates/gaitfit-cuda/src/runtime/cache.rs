@@ -73,14 +73,14 @@ impl Cache {
     pub fn read(&self, key: &str) -> Option<Image> {
         let path = self.path(key);
         let bytes = fs::read(&path).ok()?;
-        let found = unpack(&bytes);
-        if found.is_none() {
+        let image = unpack(&bytes);
+        if image.is_none() {
             // A damaged file would be read again at every start.
             let _ = fs::remove_file(&path);
         } else if let Ok(file) = fs::File::options().append(true).open(&path) {
             let _ = file.set_modified(SystemTime::now());
         }
-        found
+        image
     }
 
     /// Keeps a program and deletes what is too much.

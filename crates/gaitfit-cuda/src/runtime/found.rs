@@ -23,44 +23,44 @@ pub struct Found {
 
 /// Looks for GPUs, driver and compiler. Never fails: what is missing is said.
 pub fn find() -> Found {
-    let mut found = Found::default();
+    let mut report = Found::default();
     match Driver::get() {
-        Err(error) => found.problems.push(error.to_string()),
+        Err(error) => report.problems.push(error.to_string()),
         Ok(driver) => {
             let mut version = 0;
             // SAFETY: the driver stores one int.
             if unsafe { (driver.driver_version)(&raw mut version) } == 0 {
-                found.driver = Some(format!("{}.{}", version / 1000, version % 1000 / 10));
+                report.driver = Some(format!("{}.{}", version / 1000, version % 1000 / 10));
             }
             match count(driver) {
-                Ok(0) => found.problems.push("the NVIDIA driver shows no GPU".into()),
+                Ok(0) => report.problems.push("the NVIDIA driver shows no GPU".into()),
                 Ok(count) => {
                     for ordinal in 0..count {
                         match describe(driver, ordinal) {
-                            Ok(info) => found.gpus.push(info),
-                            Err(error) => found.problems.push(error.to_string()),
+                            Ok(info) => report.gpus.push(info),
+                            Err(error) => report.problems.push(error.to_string()),
                         }
                     }
                 }
-                Err(error) => found.problems.push(error.to_string()),
+                Err(error) => report.problems.push(error.to_string()),
             }
         }
     }
     match Nvrtc::get() {
         Ok(nvrtc) => {
-            found.nvrtc = Some(format!("{}.{}", nvrtc.version.0, nvrtc.version.1));
-            found.nvrtc_path = Some(nvrtc.path.display().to_string());
-            for gpu in &found.gpus {
+            report.nvrtc = Some(format!("{}.{}", nvrtc.version.0, nvrtc.version.1));
+            report.nvrtc_path = Some(nvrtc.path.display().to_string());
+            for gpu in &report.gpus {
                 if nvrtc.architecture(gpu.capability).is_none() {
                     let (major, minor) = gpu.capability;
                     let name = &gpu.name;
-                    found.problems.push(format!(
+                    report.problems.push(format!(
                         "NVRTC does not compile for {name}, compute capability {major}.{minor}"
                     ));
                 }
             }
         }
-        Err(error) => found.problems.push(error.to_string()),
+        Err(error) => report.problems.push(error.to_string()),
     }
-    found
+    report
 }

@@ -46,8 +46,8 @@ const VERSIONS: [&str; 3] = ["13", "12", "11.2"];
 pub fn candidates(places: &Places) -> Vec<PathBuf> {
     if let Some(given) = &places.given {
         if given.is_dir() {
-            let found = in_folder(given);
-            return if found.is_empty() { vec![given.join("libnvrtc.so")] } else { found };
+            let libraries = in_folder(given);
+            return if libraries.is_empty() { vec![given.join("libnvrtc.so")] } else { libraries };
         }
         return vec![given.clone()];
     }
@@ -79,15 +79,15 @@ pub fn candidates(places: &Places) -> Vec<PathBuf> {
 
 /// Folders in `folder` whose names begin with `start`, in order of their names.
 fn folders(folder: &Path, start: &str) -> impl Iterator<Item = PathBuf> + use<> {
-    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+    let mut folders: Vec<PathBuf> = std::fs::read_dir(folder)
         .into_iter()
         .flatten()
         .flatten()
         .filter(|entry| entry.file_name().to_string_lossy().starts_with(start))
         .map(|entry| entry.path())
         .collect();
-    found.sort();
-    found.into_iter()
+    folders.sort();
+    folders.into_iter()
 }
 
 /// Libraries of built-in functions beside the compiler's library at `path`; none for a bare name.
@@ -109,11 +109,11 @@ fn in_folder(folder: &Path) -> Vec<PathBuf> {
         let unix = name.starts_with("libnvrtc.so") && !name.contains("alt");
         unix || (name.starts_with("nvrtc64_") && name.ends_with(".dll") && !name.contains("alt"))
     };
-    let mut found: Vec<PathBuf> = folders(folder, "")
+    let mut libraries: Vec<PathBuf> = folders(folder, "")
         .filter(|path| path.file_name().is_some_and(|name| is_library(&name.to_string_lossy())))
         .collect();
-    found.reverse();
-    found
+    libraries.reverse();
+    libraries
 }
 
 #[cfg(test)]
@@ -142,14 +142,15 @@ mod tests {
             toolkits: vec![folder.path().join("cuda"), folder.path().join("missing")],
             environments: vec![folder.path().join("venv")],
         };
-        let found = candidates(&places);
-        let files: Vec<_> = found.iter().filter(|path| path.starts_with(folder.path())).cloned().collect();
+        let libraries = candidates(&places);
+        let files: Vec<_> =
+            libraries.iter().filter(|path| path.starts_with(folder.path())).cloned().collect();
         assert_eq!(files, [toolkit, new.clone(), old]);
         assert!(
-            found[0].parent().is_some_and(|parent| parent.as_os_str().is_empty()),
+            libraries[0].parent().is_some_and(|parent| parent.as_os_str().is_empty()),
             "the loader comes first"
         );
-        assert_eq!((builtins(&new), builtins(&found[0])), (vec![second], vec![]));
+        assert_eq!((builtins(&new), builtins(&libraries[0])), (vec![second], vec![]));
         places.given = new.parent().map(Path::to_path_buf);
         assert_eq!(candidates(&places), std::slice::from_ref(&new));
         places.given = Some(new.clone());

@@ -33,12 +33,12 @@ fn walking(substeps: usize) -> (Task, Policy) {
 }
 
 fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
-    let found = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
+    let tracks = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
     let consume = |job: usize, script: usize, track: &Track| {
-        found.lock().unwrap()[job * scripts.len() + script] = track.clone();
+        tracks.lock().unwrap()[job * scripts.len() + script] = track.clone();
     };
     follow(&task.walker, policy, scripts, jobs, 16, &consume, &|| false).unwrap();
-    found.into_inner().unwrap()
+    tracks.into_inner().unwrap()
 }
 
 /// Recordings of the nominal robot under some commands, with its states.
@@ -135,18 +135,18 @@ fn gpu_candidates_walk_as_the_cpus() {
         let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
         let mut candidates = Candidates::new(&device, tables, 4).unwrap();
         let run = |candidates: &mut Candidates| {
-            let found = Mutex::new(vec![(Vec::new(), None); jobs.len() * scripts.len()]);
+            let signals = Mutex::new(vec![(Vec::new(), None); jobs.len() * scripts.len()]);
             let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
-                found.lock().unwrap()[job * scripts.len() + recording] =
+                signals.lock().unwrap()[job * scripts.len() + recording] =
                     (tracks.rows.to_vec(), tracks.fell_at);
             };
             candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
-            found.into_inner().unwrap()
+            signals.into_inner().unwrap()
         };
         let first = run(&mut candidates);
         assert!(first == run(&mut candidates), "other bits the second time");
         let (mut steps, mut worst, mut fell) = (Vec::new(), [0.0f32; 2], 0);
-        for (e, ((found, end), want)) in first.iter().zip(&wanted).enumerate() {
+        for (e, ((values, end), want)) in first.iter().zip(&wanted).enumerate() {
             let every = jobs[e / scripts.len()].reset_every;
             fell += usize::from(want.fell_at.is_some());
             if let Some(wanted) = want.fell_at {
@@ -155,8 +155,8 @@ fn gpu_candidates_walk_as_the_cpus() {
             }
             let dimensions = subject.dimensions();
             let wanted = rows(want, 12);
-            assert_eq!(found.len(), wanted.len() * dimensions);
-            for (sample, (row, want)) in found.chunks_exact(dimensions).zip(&wanted).enumerate() {
+            assert_eq!(values.len(), wanted.len() * dimensions);
+            for (sample, (row, want)) in values.chunks_exact(dimensions).zip(&wanted).enumerate() {
                 if want.iter().any(|x| !x.is_finite()) {
                     continue;
                 }
@@ -212,18 +212,18 @@ fn gpu_logs_begin_as_the_cpus() {
     let dimensions = tables.dimensions(subject);
     let mut candidates = Candidates::new(&device, tables, 4).unwrap();
     let run = |candidates: &mut Candidates| {
-        let found = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
+        let signals = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
         let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
-            found.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
+            signals.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
         };
         candidates.make_logs(subject, &jobs, &vec![begins.clone(); jobs.len()], &consume, &|| false).unwrap();
-        found.into_inner().unwrap()
+        signals.into_inner().unwrap()
     };
     let first = run(&mut candidates);
     assert!(first == run(&mut candidates), "other bits the second time");
-    for (e, (found, want)) in first.iter().zip(&wanted).enumerate() {
+    for (e, (values, want)) in first.iter().zip(&wanted).enumerate() {
         let (script, before) = (e % scripts.len(), before(e % scripts.len()));
-        assert_eq!(found.len(), scripts[script].commands.len() * dimensions);
+        assert_eq!(values.len(), scripts[script].commands.len() * dimensions);
         let wanted = rows(want, 12);
         // Later samples of a walk are another motion: rounding alone decides when a foot touches.
         for sample in 0..4 - before.min(3) {
@@ -232,7 +232,7 @@ fn gpu_logs_begin_as_the_cpus() {
                 &want.base_rates[3 * (sample + before)..][..3],
             ];
             let want = [wanted[sample + before].clone(), imu.concat()].concat();
-            let row = &found[sample * dimensions..][..dimensions];
+            let row = &values[sample * dimensions..][..dimensions];
             let error = row.iter().zip(&want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
             assert!(error < 1e-2, "environment {e}, sample {sample}: off by {error}");
         }

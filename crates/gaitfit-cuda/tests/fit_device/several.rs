@@ -59,9 +59,9 @@ fn gpu_candidates_have_the_same_bits_on_any_number_of_gpus() {
     let (parts, rows) = run(1, jobs.len());
     assert!(rows.iter().any(|(_, fell_at)| fell_at.is_some()), "no robot fell");
     for (count, most) in [(2, 23), (3, 23), (2, 8), (3, 2), (2, 1)] {
-        let (found, found_rows) = run(count, most);
-        assert!(found == parts[..most], "costs of {most} candidates on {count} GPUs differ");
-        assert!(found_rows == rows[..most * scripts.len()], "signals of {most} on {count} GPUs differ");
+        let (costs, signals) = run(count, most);
+        assert!(costs == parts[..most], "costs of {most} candidates on {count} GPUs differ");
+        assert!(signals == rows[..most * scripts.len()], "signals of {most} on {count} GPUs differ");
         println!("{most} candidates in {count} sessions on {} GPUs: same bits", {
             let mut numbers: Vec<usize> = devices(count).iter().map(|one| one.info().ordinal).collect();
             numbers.sort_unstable();

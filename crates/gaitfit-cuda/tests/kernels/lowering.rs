@@ -108,12 +108,12 @@ fn networks_of_one_limb_are_shared() {
         let asked = whole.memory.iter().chain(&whole.weights);
         let further = asked.map(|&asked| if asked { own.next().unwrap() } else { 0.0 });
         let inputs: Vec<f64> = rest.iter().copied().chain(further).collect();
-        let mut found = program.evaluate(&inputs);
+        let mut outputs = program.evaluate(&inputs);
         let states = 19 + 3 * tree.joints();
         for (place, _) in whole.memory.iter().enumerate().rev().filter(|(_, asked)| !**asked) {
-            found.remove(states + place);
+            outputs.remove(states + place);
         }
-        worst = worst.max(difference(&found, &sample.outputs));
+        worst = worst.max(difference(&outputs, &sample.outputs));
     }
     println!("networks on one limb: off by {worst:.1e}");
     assert!(worst <= 1e-11, "{worst}");

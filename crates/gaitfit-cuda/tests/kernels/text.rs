@@ -194,20 +194,20 @@ fn the_text_of_the_go2_is_known() {
         let name = format!("{:?}", node.op);
         *counts.entry(name.split('(').next().unwrap_or_default().to_owned()).or_default() += 1;
     }
-    let mut found = String::new();
+    let mut summary = String::new();
     for (name, count) in counts {
-        writeln!(found, "{name} {count}").unwrap();
+        writeln!(summary, "{name} {count}").unwrap();
     }
     let text = cuda(&case.program, &case.layout, 64);
-    writeln!(found, "regions {}, table rows {}", program.regions.len(), program.table.len()).unwrap();
+    writeln!(summary, "regions {}, table rows {}", program.regions.len(), program.table.len()).unwrap();
     let digest: String =
-        Sha256::digest(&text).iter().fold(String::new(), |all, byte| format!("{all}{byte:02x}"));
-    writeln!(found, "text {} bytes, sha256 {digest}", text.len()).unwrap();
+        Sha256::digest(&text).iter().fold(String::new(), |hex, byte| format!("{hex}{byte:02x}"));
+    writeln!(summary, "text {} bytes, sha256 {digest}", text.len()).unwrap();
     let path = format!("{}/tests/golden/go2_feet.txt", env!("CARGO_MANIFEST_DIR"));
     if std::env::var_os("GAITFIT_UPDATE_GOLDEN").is_some() {
-        std::fs::write(&path, &found).unwrap();
+        std::fs::write(&path, &summary).unwrap();
     }
-    assert_eq!(found, std::fs::read_to_string(&path).unwrap());
+    assert_eq!(summary, std::fs::read_to_string(&path).unwrap());
 }
 
 #[test]
@@ -258,11 +258,11 @@ fn cxx_both_texts_of_a_loop_have_the_same_numbers() {
         let mut samples = samples(&model, &settings(&model, preset), TAPS, SUBSTEPS, true, true, 8);
         // Every other robot a metre higher.
         samples.iter_mut().step_by(2).for_each(|sample| sample.inputs[2] += 1.0);
-        let found = run_cxx(&case, &samples);
+        let outputs = run_cxx(&case, &samples);
         let wanted = run_cxx_with(&case, &samples, "#define EVERY_REGION\n");
         let mut numbers = 0;
         for (class, wanted) in &wanted {
-            for (got, want) in found[class].iter().zip(wanted).filter(|(_, want)| !want.is_nan()) {
+            for (got, want) in outputs[class].iter().zip(wanted).filter(|(_, want)| !want.is_nan()) {
                 assert!(got == want, "{label}: {got} and {want} of {class:?}");
                 numbers += 1;
             }

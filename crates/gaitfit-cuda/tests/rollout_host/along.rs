@@ -400,7 +400,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
         let suffix = format!("begun{t}");
         let numbers = |name: &str| floats(&read(name, &suffix));
         let words = |name: &str| numbers(name).iter().map(|x| x.to_bits()).collect();
-        let found = Packed {
+        let packed = Packed {
             state: numbers("robot_state"),
             targets: numbers("robot_targets"),
             report: numbers("robot_report"),
@@ -415,7 +415,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
             critic_past: numbers("critic_past"),
             ways: numbers("ways"),
         };
-        for (e, (got, want)) in found.snapshots(&scene).iter().zip(&step.begun).enumerate() {
+        for (e, (got, want)) in packed.snapshots(&scene).iter().zip(&step.begun).enumerate() {
             check(&format!("environment {e}"), t, &flat(got), &flat(want), 3e-6);
         }
         // Pushes go into the base's linear velocity, numbers 7 and 8 of the state.
@@ -446,12 +446,12 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
             check("targets", t, &got.robot.targets, &sent, 1e-6);
             check("memory", t, &got.robot.memory, &remembered(candidate, &was), 1e-6);
         }
-        before = found;
+        before = packed;
         if candidate.torque_noise > 0.0 {
-            let found = floats(&read("robot_disturbance", &format!("noise{t}")));
+            let torques = floats(&read("robot_disturbance", &format!("noise{t}")));
             let mut noise = TorqueNoise::default();
             let want = noise.torques(&task.walker, candidate, SEED, 0, FIRST + t as u32, ENVIRONMENTS);
-            check("random torques", t, &disturbances(&period, &found), want, 0.0);
+            check("random torques", t, &disturbances(&period, &torques), want, 0.0);
         }
     }
     println!("{label}: {cuts} episodes cut off, {falls} falls, off by at most {worst:e}");

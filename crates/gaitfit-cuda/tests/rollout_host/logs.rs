@@ -126,24 +126,24 @@ fn cxx_logs_are_the_cpus() {
     let out = |name: &str| floats(&std::fs::read(folder.path().join(format!("{name}.out"))).unwrap());
     let (records, action, done) = (out("records"), out("action"), out("done"));
     let row = sensed_width(actions);
-    let mut found = Recorder::new(&subject, &options, FIRST, ENVIRONMENTS);
+    let mut recorder = Recorder::new(&subject, &options, FIRST, ENVIRONMENTS);
     let mut targets = vec![0.0; ENVIRONMENTS * joints];
     for t in 0..STEPS {
         let number = t as u32 + 1;
         task.walker.targets(&action[t * width..(t + 1) * width], &mut targets);
         for index in 0..ENVIRONMENTS {
             let at = t * ENVIRONMENTS + index;
-            if found.records(index, number) {
-                found.sense(index, &records[at * row..][..row]);
+            if recorder.records(index, number) {
+                recorder.sense(index, &records[at * row..][..row]);
             }
             let own = &action[at * actions..][..actions];
-            found.act(index, number, own, &targets[index * joints..][..joints], done[at] != 0.0);
+            recorder.act(index, number, own, &targets[index * joints..][..joints], done[at] != 0.0);
         }
     }
     let mut changed = 0;
-    for (index, (found, wanted)) in found.finish().iter().zip(&wanted).enumerate() {
-        assert_eq!(found.trajectory.command, wanted.trajectory.command, "commands of robot {index}");
-        assert_eq!(found, wanted, "robot {index}");
+    for (index, (log, wanted)) in recorder.finish().iter().zip(&wanted).enumerate() {
+        assert_eq!(log.trajectory.command, wanted.trajectory.command, "commands of robot {index}");
+        assert_eq!(log, wanted, "robot {index}");
         let commands = wanted.trajectory.command.as_ref().unwrap();
         changed += usize::from(commands.chunks_exact(3).any(|command| command != &commands[..3]));
     }

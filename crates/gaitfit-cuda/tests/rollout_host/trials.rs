@@ -113,7 +113,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     // Robots that have fallen begin anew here, which does not count.
     let seen = out("observation");
     let wide = task.walker.interface.observation_width();
-    let (mut found, mut fallen) = (Trials::new(environment.commands(), actions), vec![false; ENVIRONMENTS]);
+    let (mut trials, mut fallen) = (Trials::new(environment.commands(), actions), vec![false; ENVIRONMENTS]);
     for (t, step) in steps.iter().enumerate() {
         for index in (0..ENVIRONMENTS).filter(|&index| !fallen[index]) {
             let row = (t * ENVIRONMENTS + index) * wide;
@@ -125,12 +125,12 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
             let ended = if done[at] != 0.0 { Ended::Fall } else { Ended::No };
             (reward[at], ended, [errors[2 * at], errors[2 * at + 1]])
         };
-        found.take(t as u32 + 1, &action[t * width..(t + 1) * width], state);
+        trials.take(t as u32 + 1, &action[t * width..(t + 1) * width], state);
         step.ended.iter().zip(&mut fallen).for_each(|(ended, fallen)| *fallen |= *ended == Ended::Fall);
     }
     let near = |got: f64, want: f64| assert!((got - want).abs() < 1e-5 * want.abs().max(1.0), "{got} {want}");
     let mut falls = 0;
-    for (got, want) in found.finish().iter().zip(&wanted) {
+    for (got, want) in trials.finish().iter().zip(&wanted) {
         assert_eq!((got.command, got.steps, got.fell), (want.command, want.steps, want.fell));
         near(got.reward, want.reward);
         near(got.linear_velocity_error, want.linear_velocity_error);

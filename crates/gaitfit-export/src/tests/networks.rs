@@ -109,16 +109,16 @@ for name, network in networks.load().items():
     out[name] = {'numpy': network(motion).tolist(), 'onnx': found.tolist()}
 print(json.dumps(out))
 ";
-    let found: serde_json::Value =
+    let outputs: serde_json::Value =
         serde_json::from_str(&python(root.join(".venv/bin/python"), script, folder.path())).unwrap();
     for (number, name) in ["action_delta_FL_hip", "resid_act_RR_calf"].into_iter().enumerate() {
         let want: Vec<f64> = (0..200).map(|i| output(&weights(number), motion(i))).collect();
         let span = want.iter().fold(0.0f64, |max, y| max.max((y - want[0]).abs()));
         assert!(span > 0.1, "{span}");
         for (kind, tolerance) in [("numpy", 1e-12), ("onnx", 1e-6)] {
-            let found: Vec<f64> = serde_json::from_value(found[name][kind].clone()).unwrap();
-            let apart = found.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            assert!(found.len() == 200 && apart <= tolerance, "{name}, {kind}: {apart:e}");
+            let values: Vec<f64> = serde_json::from_value(outputs[name][kind].clone()).unwrap();
+            let apart = values.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(values.len() == 200 && apart <= tolerance, "{name}, {kind}: {apart:e}");
             eprintln!("{name}, {kind}: at most {apart:.1e} apart, outputs over {span:.2}");
         }
     }

@@ -235,8 +235,8 @@ fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Prob
         Physical::Real { bytes } => {
             let dtype = DType::parse(["<f2", "<f4", "<f8"][bytes.ilog2() as usize - 1])
                 .ok_or_else(|| damaged(CUT))?;
-            let found = numbers(bytes)?.chunks_exact(bytes).map(|number| dtype.number(number));
-            Values::Reals(found.collect::<Option<_>>().ok_or_else(|| damaged(CUT))?)
+            let reals = numbers(bytes)?.chunks_exact(bytes).map(|number| dtype.number(number));
+            Values::Reals(reals.collect::<Option<_>>().ok_or_else(|| damaged(CUT))?)
         }
     })
 }

@@ -45,14 +45,14 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
                     )
                     .into());
                 }
-                let found = fields::fields(schema.fields().map_err(damaged)?)?;
-                for leaf in found.iter().flat_map(Field::leaves) {
+                let tree = fields::fields(schema.fields().map_err(damaged)?)?;
+                for leaf in tree.iter().flat_map(Field::leaves) {
                     match leaf.refused {
                         Some(reason) => frame.left_out.push(format!("{}: {reason}", shown(&leaf.name))),
                         None => frame.add(leaf.name.clone(), Column::new(leaf.in_list, leaf.per_second))?,
                     }
                 }
-                fields = Some(found);
+                fields = Some(tree);
             }
             Some(MessageHeaderRef::RecordBatch(header)) => {
                 let fields = fields.as_ref().ok_or_else(|| damaged("rows before a schema"))?;

@@ -51,12 +51,12 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
                 .meta_data
                 .as_ref()
                 .ok_or(ColumnarError::NotRead("encrypted columns; write it again without encryption"))?;
-            let found = pages::read(file, meta, leaf, frame.rows, column, budget).map_err(|problem| {
+            let count = pages::read(file, meta, leaf, frame.rows, column, budget).map_err(|problem| {
                 ColumnarError::Column { column: leaf.name.clone(), problem: problem.into() }
             })?;
-            if found != rows {
+            if count != rows {
                 let name = shown(&leaf.name);
-                return Err(damaged(format!("column `{name}`: {found} rows in a part of {rows}")).into());
+                return Err(damaged(format!("column `{name}`: {count} rows in a part of {rows}")).into());
             }
         }
         frame.rows += rows;

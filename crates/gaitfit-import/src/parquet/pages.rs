@@ -58,8 +58,8 @@ pub(super) fn read(
             let repeated = levels(&mut page, head.repetition_level_encoding, leaf.repeated, count)?;
             let defined = levels(&mut page, head.definition_level_encoding, leaf.defined, count)?;
             let there = present(&defined, leaf, count);
-            let found = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
-            row = place_values(column, leaf, row, count, &repeated, &defined, found)?;
+            let decoded = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
+            row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
             values += count.max(1);
         } else if header.type_ == PageType::DATA_PAGE_V2 {
             let head = header.data_page_header_v2.ok_or_else(|| damaged(CUT))?;
@@ -78,8 +78,8 @@ pub(super) fn read(
             };
             let page = packed.open(page, budget)?;
             let there = present(&defined, leaf, count);
-            let found = decode(&page, head.encoding, leaf.physical, there, entries.as_ref())?;
-            row = place_values(column, leaf, row, count, &repeated, &defined, found)?;
+            let decoded = decode(&page, head.encoding, leaf.physical, there, entries.as_ref())?;
+            row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
             values += count.max(1);
         }
     }
@@ -113,9 +113,9 @@ fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Resul
     }
     let (length, rest) = page.split_first_chunk::<4>().ok_or_else(|| damaged(CUT))?;
     let length = u32::from_le_bytes(*length) as usize;
-    let found = hybrid(rest.get(..length).ok_or_else(|| damaged(CUT))?, width(max), count)?;
+    let levels = hybrid(rest.get(..length).ok_or_else(|| damaged(CUT))?, width(max), count)?;
     *page = &rest[length..];
-    Ok(found)
+    Ok(levels)
 }
 
 /// How many of a page's places have a value.

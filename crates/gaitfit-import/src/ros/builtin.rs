@@ -140,7 +140,7 @@ mod tests {
         for kind in known_types() {
             let text = whole_definition(&kind).unwrap_or_default();
             let [whole, built_in] =
-                [&*text, ""].map(|text| schema::parse(&kind, text).map(|found| found.types.len()));
+                [&*text, ""].map(|text| schema::parse(&kind, text).map(|schema| schema.types.len()));
             assert!(whole.is_ok() && whole.as_ref().ok() == built_in.as_ref().ok(), "{kind}: {text}");
             assert!(is_known(&kind));
         }

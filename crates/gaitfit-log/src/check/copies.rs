@@ -66,7 +66,7 @@ pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> 
     let row = |i: usize| &position[i * width..(i + 1) * width];
     let zero = |i: usize| row(i).iter().all(|q| *q == 0.0);
     let away = |i: usize| row(i).iter().any(|q| q.abs() > AWAY);
-    let mut found = Vec::new();
+    let mut runs = Vec::new();
     let mut at = 1;
     while at < rows {
         if !zero(at) {
@@ -75,11 +75,11 @@ pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> 
         }
         let end = (at..rows).find(|i| !zero(*i)).unwrap_or(rows);
         if end < rows && end - at <= LONGEST && away(at - 1) && away(end) {
-            found.push(at..end);
+            runs.push(at..end);
         }
         at = end + 1;
     }
-    found
+    runs
 }
 
 fn zeros(findings: &mut Findings) {

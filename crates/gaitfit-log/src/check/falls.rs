@@ -116,17 +116,17 @@ fn of_joints(log: &Trajectory) -> Vec<Fall> {
 
 /// Stretches of true.
 pub(super) fn stretches(flags: &[bool]) -> Vec<Range<usize>> {
-    let mut found = Vec::new();
+    let mut stretches = Vec::new();
     let mut start = None;
     for (i, flag) in flags.iter().chain([&false]).enumerate() {
         match (flag, start) {
             (true, None) => start = Some(i),
             (false, Some(from)) => {
-                found.push(from..i);
+                stretches.push(from..i);
                 start = None;
             }
             _ => {}
         }
     }
-    found
+    stretches
 }

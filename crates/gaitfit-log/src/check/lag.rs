@@ -131,10 +131,10 @@ mod tests {
     fn lags_are_estimated_with_their_error() {
         for rate in [50.0, 200.0] {
             for late in [0.0, 0.004, 0.01, -0.006] {
-                let found =
+                let estimate =
                     lag(rate, late, 0.0).unwrap_or(VelocityLag { seconds: 9.0, error: 0.0, interval: 0.0 });
-                assert!((found.seconds - late).abs() < 5e-4, "{rate} {late} {found:?}");
-                assert_eq!(found.matters(), late != 0.0, "{rate} {late} {found:?}");
+                assert!((estimate.seconds - late).abs() < 5e-4, "{rate} {late} {estimate:?}");
+                assert_eq!(estimate.matters(), late != 0.0, "{rate} {late} {estimate:?}");
             }
             let noisy =
                 lag(rate, 0.0, 0.05).unwrap_or(VelocityLag { seconds: 9.0, error: 0.0, interval: 0.0 });
@@ -146,8 +146,8 @@ mod tests {
     fn half_a_step_of_a_simulator_is_no_lag() {
         let mut log = swinging(200.0, 0.005, 0.02);
         let finding = |log: &Trajectory| {
-            let found = crate::check(log, &crate::CheckSpec::default());
-            found.iter().any(|one| one.kind == FindingKind::VelocityLag)
+            let findings = crate::check(log, &crate::CheckSpec::default());
+            findings.iter().any(|one| one.kind == FindingKind::VelocityLag)
         };
         assert!(finding(&log));
         log.simulated_step = Some(0.01);
@@ -189,8 +189,8 @@ mod tests {
         let severity = |late: f64, walks: bool| {
             let mut log = swinging(200.0, late, 0.02);
             log.command = walks.then(|| vec![0.0; 3 * log.len()]);
-            let found = crate::check(&log, &crate::CheckSpec::default());
-            found.iter().find(|one| one.kind == FindingKind::VelocityLag).map(|one| one.severity)
+            let findings = crate::check(&log, &crate::CheckSpec::default());
+            findings.iter().find(|one| one.kind == FindingKind::VelocityLag).map(|one| one.severity)
         };
         assert_eq!(severity(0.008, false), Some(Severity::Error));
         assert_eq!(severity(0.002, false), Some(Severity::Warning));

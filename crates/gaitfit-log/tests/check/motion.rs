@@ -150,8 +150,8 @@ fn standing_is_not_stuck_but_an_unanswered_command_is_said() {
     log.command = Some(vec![0.0; 3 * log.len()]);
     assert_eq!(kinds(&log), [(FindingKind::FrozenTarget, Severity::Warning)]);
     log.command = Some([0.5, 0.0, 0.0].repeat(log.len()));
-    let found = kinds(&log);
-    assert!(found.contains(&(FindingKind::Stuck, Severity::Warning)), "{found:?}");
+    let kinds = kinds(&log);
+    assert!(kinds.contains(&(FindingKind::Stuck, Severity::Warning)), "{kinds:?}");
 }
 
 #[test]

@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn functions_are_their_definitions_where_these_are_known() {
-        let of = |function: Function, x: f32| {
+        let value = |function: Function, x: f32| {
             let mut one = [x];
             function.apply(&mut one);
             one[0]
@@ -221,7 +221,7 @@ mod tests {
             (Function::Activation(Activation::Relu), -1.0, 0.0),
         ];
         for (function, x, wanted) in known {
-            assert!((of(function, x) - wanted).abs() < 1e-6, "{function:?}({x}) = {}", of(function, x));
+            assert!((value(function, x) - wanted).abs() < 1e-6, "{function:?}({x}) = {}", value(function, x));
         }
     }
 

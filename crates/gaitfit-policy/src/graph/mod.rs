@@ -347,9 +347,9 @@ impl Plan {
                 }
                 Operator::Recurrent { cell, layer, times } => {
                     let before = |number: usize| {
-                        let mut all = Vec::with_capacity(rows * layer.hidden);
-                        self.copy(step.inputs[number], rows, values, &mut all);
-                        all
+                        let mut state = Vec::with_capacity(rows * layer.hidden);
+                        self.copy(step.inputs[number], rows, values, &mut state);
+                        state
                     };
                     let before: Vec<Vec<f32>> = (1..step.inputs.len()).map(before).collect();
                     let x = input(0);

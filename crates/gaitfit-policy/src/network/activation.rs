@@ -121,7 +121,7 @@ impl TryFrom<Written> for Activation {
                 _ => return Err("give one activation, for example { leaky_relu = 0.2 }".to_owned()),
             },
         };
-        let found = match (name, parameter) {
+        let activation = match (name, parameter) {
             ("elu", None) => Self::Elu,
             ("elu", Some(alpha)) => Self::elu(alpha),
             ("relu", None) => Self::Relu,
@@ -140,10 +140,10 @@ impl TryFrom<Written> for Activation {
                 ));
             }
         };
-        if found.is_sound() {
-            Ok(found)
+        if activation.is_sound() {
+            Ok(activation)
         } else {
-            Err(format!("the parameter of {found} must be from 0 to {MAX_PARAMETER}"))
+            Err(format!("the parameter of {activation} must be from 0 to {MAX_PARAMETER}"))
         }
     }
 }

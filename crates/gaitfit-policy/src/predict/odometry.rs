@@ -181,8 +181,8 @@ impl Legs {
             // Where and how fast the simulation has it, to first order in the joints' errors.
             let (mut there, mut moving) = (at, velocity);
             for (&joint, column) in foot.joints.iter().zip(&place.columns) {
-                let error = |found: &[f32], read: &[f32]| {
-                    f64::from(found[index * joints + joint]) - f64::from(read[sample * joints + joint])
+                let error = |simulated: &[f32], read: &[f32]| {
+                    f64::from(simulated[index * joints + joint]) - f64::from(read[sample * joints + joint])
                 };
                 let column = wide(column);
                 there = add(there, scale(error(&motion.joint_position, &course.position), column));

@@ -56,26 +56,26 @@ impl Limits {
         };
         let max = if dq >= speed { 0.0 } else { torque };
         let min = if dq <= -speed { 0.0 } else { -torque };
-        let found = command.torque(q, dq);
-        if (min..=max).contains(&found) {
+        let commanded = command.torque(q, dq);
+        if (min..=max).contains(&commanded) {
             return command;
         }
         // First the target gives way, towards the angle where the torque is at its limit.
         if command.kp > 0.0 {
-            let rest = found - command.kp * (command.q - q);
-            let angle = q + (found.clamp(min, max) - rest) / command.kp;
+            let rest = commanded - command.kp * (command.q - q);
+            let angle = q + (commanded.clamp(min, max) - rest) / command.kp;
             command.q = angle.clamp(self.lower[motor], self.upper[motor]);
         } else if command.kd > 0.0 && command.dq != 0.0 {
             // A wheel's target velocity changes until the torque is at its limit.
-            let at_limit = dq + (found.clamp(min, max) - command.tau) / command.kd;
+            let at_limit = dq + (commanded.clamp(min, max) - command.tau) / command.kd;
             command.dq = at_limit.clamp(-speed, speed);
         }
         // Where the target is at the end of its range, or there is none, the gains give way.
-        let found = command.torque(q, dq);
-        let factor = if found > max {
-            max / found
-        } else if found < min {
-            min / found
+        let commanded = command.torque(q, dq);
+        let factor = if commanded > max {
+            max / commanded
+        } else if commanded < min {
+            min / commanded
         } else {
             1.0
         };
@@ -115,11 +115,11 @@ mod tests {
     fn a_far_target_is_brought_to_where_the_torque_is_at_its_limit() {
         // 100 · (q* − 0.8) − 1 · 2 = 23.7.
         let wanted = MotorCommand { q: 3.0, kp: 100.0, kd: 1.0, ..MotorCommand::default() };
-        let found = admitted(1, wanted, 0.8, 2.0);
-        let same = (found.kp - 100.0).abs() < 1e-3 && (found.kd - 1.0).abs() < 1e-5;
-        assert!((found.q - 1.057).abs() < 1e-5 && same, "{found:?}");
-        let found = admitted(1, MotorCommand { q: -1.5, ..wanted }, 0.8, 2.0);
-        assert!((found.q - 0.583).abs() < 1e-5, "{found:?}");
+        let command = admitted(1, wanted, 0.8, 2.0);
+        let same = (command.kp - 100.0).abs() < 1e-3 && (command.kd - 1.0).abs() < 1e-5;
+        assert!((command.q - 1.057).abs() < 1e-5 && same, "{command:?}");
+        let command = admitted(1, MotorCommand { q: -1.5, ..wanted }, 0.8, 2.0);
+        assert!((command.q - 0.583).abs() < 1e-5, "{command:?}");
     }
 
     #[test]
@@ -132,12 +132,12 @@ mod tests {
     fn a_wheel_far_below_its_target_speed_gets_the_motors_largest_torque() {
         // 5 · (dq* − 2) = 23.7.
         let wanted = MotorCommand { dq: 20.0, kd: 5.0, ..MotorCommand::default() };
-        let found = admitted(0, wanted, 100.0, 2.0);
-        assert!((found.dq - 6.74).abs() < 1e-5 && found.kd == 5.0 && found.kp == 0.0, "{found:?}");
+        let command = admitted(0, wanted, 100.0, 2.0);
+        assert!((command.dq - 6.74).abs() < 1e-5 && command.kd == 5.0 && command.kp == 0.0, "{command:?}");
         assert_eq!(admitted(0, MotorCommand { dq: 6.0, ..wanted }, 100.0, 2.0).dq, 6.0);
         // The wheel turns backwards fast.
-        let found = admitted(0, wanted, 100.0, -35.0);
-        assert!((found.torque(100.0, -35.0) - 23.7).abs() < 1e-3, "{found:?}");
+        let command = admitted(0, wanted, 100.0, -35.0);
+        assert!((command.torque(100.0, -35.0) - 23.7).abs() < 1e-3, "{command:?}");
         assert!(admitted(0, wanted, 100.0, 30.2).torque(100.0, 30.2) <= 1e-4, "at its largest speed");
     }
 
@@ -145,11 +145,11 @@ mod tests {
     fn gains_give_way_where_the_target_cannot() {
         // Beyond its range by 0.3 rad: 100 · 0.3 = 30 N·m would pull it back.
         let wanted = MotorCommand { q: 1.0472, kp: 100.0, kd: 0.0, ..MotorCommand::default() };
-        let found = admitted(0, wanted, 1.3472, 0.0);
-        assert!(found.q == 1.0472 && (found.torque(1.3472, 0.0) + 23.7).abs() < 1e-3, "{found:?}");
+        let command = admitted(0, wanted, 1.3472, 0.0);
+        assert!(command.q == 1.0472 && (command.torque(1.3472, 0.0) + 23.7).abs() < 1e-3, "{command:?}");
         // Damping of a fast joint.
-        let found = admitted(0, MotorCommand { kd: 5.0, ..MotorCommand::default() }, 0.0, 20.0);
-        assert!((found.torque(0.0, 20.0) + 23.7).abs() < 1e-3 && found.kp == 0.0, "{found:?}");
+        let command = admitted(0, MotorCommand { kd: 5.0, ..MotorCommand::default() }, 0.0, 20.0);
+        assert!((command.torque(0.0, 20.0) + 23.7).abs() < 1e-3 && command.kp == 0.0, "{command:?}");
     }
 
     #[test]

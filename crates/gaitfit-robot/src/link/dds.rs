@@ -294,13 +294,13 @@ fn listen<M: DeserializeOwned + Send + 'static>(
 
 /// The IPv4 address of a network interface.
 fn address_of(interface: &str) -> Result<Ipv4Addr, RobotError> {
-    let all = netdev::get_interfaces();
-    let found = all.iter().find(|one| one.name == interface);
-    let address = found.and_then(|one| one.ipv4.first()).map(|network| network.addr());
+    let interfaces = netdev::get_interfaces();
+    let adapter = interfaces.iter().find(|one| one.name == interface);
+    let address = adapter.and_then(|one| one.ipv4.first()).map(|network| network.addr());
     address.ok_or_else(|| RobotError::Interface {
         interface: interface.to_owned(),
-        there: found.is_some(),
-        names: all.iter().filter(|one| !one.ipv4.is_empty()).map(|one| one.name.clone()).collect(),
+        there: adapter.is_some(),
+        names: interfaces.iter().filter(|one| !one.ipv4.is_empty()).map(|one| one.name.clone()).collect(),
     })
 }
 

@@ -99,9 +99,9 @@ impl MotionSwitcher {
         loop {
             // A release may take seconds, and its answer says nothing: what counts is the mode.
             self.ask(RELEASE_MODE, left().min(4 * AGAIN))?;
-            let found = self.check(left().max(AGAIN))?;
-            if found == MotionMode::Released || left().is_zero() {
-                return Ok(found);
+            let mode = self.check(left().max(AGAIN))?;
+            if mode == MotionMode::Released || left().is_zero() {
+                return Ok(mode);
             }
             std::thread::sleep(AGAIN.min(left()));
         }

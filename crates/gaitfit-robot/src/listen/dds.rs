@@ -156,14 +156,14 @@ impl Listener {
     /// Topics that others in the domain publish, by name.
     pub fn published(&self) -> Vec<Topic> {
         let writers = self.participant.discovered_writers();
-        let mut found: Vec<Topic> = writers
+        let mut topics: Vec<Topic> = writers
             .iter()
             .map(|writer| &writer.publication_topic_data)
             .filter_map(|data| Topic::from_dds(&data.topic_name, &data.type_name))
             .collect();
-        found.sort_by(|a, b| a.name.cmp(&b.name));
-        found.dedup();
-        found
+        topics.sort_by(|a, b| a.name.cmp(&b.name));
+        topics.dedup();
+        topics
     }
 }
 

@@ -80,15 +80,15 @@ pub fn topics(table: &BTreeMap<String, String>) -> Result<Vec<Topic>, RobotError
     if table.len() > MAX_TOPICS {
         return refuse(format!("{} of them; {MAX_TOPICS} at most", table.len()));
     }
-    let mut all: Vec<Topic> = Vec::with_capacity(table.len());
+    let mut topics: Vec<Topic> = Vec::with_capacity(table.len());
     for (name, kind) in table {
         let topic = Topic::new(name, kind).map_err(RobotError::Topics)?;
-        if all.iter().any(|other| other.name == topic.name) {
+        if topics.iter().any(|other| other.name == topic.name) {
             return refuse(format!("`{}` is there twice; name each topic once", topic.name));
         }
-        all.push(topic);
+        topics.push(topic);
     }
-    Ok(all)
+    Ok(topics)
 }
 
 #[cfg(test)]
@@ -102,14 +102,14 @@ mod tests {
 
     #[test]
     fn names_are_ros_2s_in_dds_and_back() {
-        let found = topics(&table(&[
+        let topics = topics(&table(&[
             ("/robot/joint_states", "sensor_msgs/msg/JointState"),
             ("imu", "sensor_msgs/Imu"),
             ("rt/lowstate", "unitree_go/msg/LowState"),
         ]));
-        let found = found.unwrap();
+        let topics = topics.unwrap();
         let names: Vec<(String, String)> =
-            found.iter().map(|topic| (topic.dds_name(), topic.dds_type())).collect();
+            topics.iter().map(|topic| (topic.dds_name(), topic.dds_type())).collect();
         let wanted = [
             ("rt/robot/joint_states", "sensor_msgs::msg::dds_::JointState_"),
             ("rt/imu", "sensor_msgs::msg::dds_::Imu_"),
@@ -118,7 +118,7 @@ mod tests {
         for (name, kind) in wanted {
             assert!(names.contains(&(name.to_owned(), kind.to_owned())), "{name} {names:?}");
         }
-        for topic in &found {
+        for topic in &topics {
             assert_eq!(Topic::from_dds(&topic.dds_name(), &topic.dds_type()).as_ref(), Some(topic));
         }
         assert_eq!(Topic::from_dds("ros_discovery_info", "rmw_dds_common::msg::dds_::X_"), None);

@@ -56,23 +56,23 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     let pairs = (0..=steps(message)).flat_map(|age| (0..=steps(longest)).map(move |delay| (age, delay)));
     let (alone, both): (Vec<Tried>, Vec<Tried>) = pairs.map(|(age, delay)| smooth.fit(age, delay)).unzip();
     let (kept, both) = (possible(&alone, FLOOR * total), possible(&both, FLOOR * total));
-    let all = || kept.iter().chain(&both);
+    let fits = || kept.iter().chain(&both);
     let (low, high) =
-        all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), one| (l.min(one.gain), h.max(one.gain)));
+        fits().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), one| (l.min(one.gain), h.max(one.gain)));
     let best = kept.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
     let of_best: Vec<f64> = alone.iter().filter(|one| one.age == best.age).map(|one| one.left).collect();
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
     let fine = least(&of_best, best.delay, smooth.torque.len(), overlap);
-    let spread = 0.5 * span(all().map(|one| one.delay as f64));
+    let spread = 0.5 * span(fits().map(|one| one.delay as f64));
     let delay = Measured { value: STEP * fine.value - HELD, error: STEP * fine.error.max(spread) };
     Some(Reported { delay, gain: [low, high] })
 }
 
 /// Those that fit about as well as the best.
-fn possible(all: &[Tried], floor: f64) -> Vec<Tried> {
-    let best = all.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
+fn possible(fits: &[Tried], floor: f64) -> Vec<Tried> {
+    let best = fits.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
     let mut kept: Vec<Tried> =
-        all.iter().filter(|one| one.left <= POSSIBLE * best.max(floor)).copied().collect();
+        fits.iter().filter(|one| one.left <= POSSIBLE * best.max(floor)).copied().collect();
     // A joint that follows its command has no negative gain. The gain of a light joint can look negative if its torque is late.
     if kept.iter().any(|one| one.gain > 0.0) {
         kept.retain(|one| one.gain > 0.0);
@@ -101,12 +101,12 @@ impl Smooth {
         let weights: Vec<f64> = (0..=2 * half).map(|k| bump(k).powi(2)).collect();
         let sum: f64 = weights.iter().sum();
         let inside = |at: usize, k: usize| (at + k).saturating_sub(half).min(rows.len() - 1);
-        let smooth = |of: &dyn Fn(&Row) -> f32, at: usize| {
-            let all = weights.iter().enumerate();
-            all.map(|(k, weight)| weight * f64::from(of(&rows[inside(at, k)]))).sum::<f64>() / sum
+        let smooth = |value: &dyn Fn(&Row) -> f32, at: usize| {
+            let terms = weights.iter().enumerate();
+            terms.map(|(k, weight)| weight * f64::from(value(&rows[inside(at, k)]))).sum::<f64>() / sum
         };
         let from = window.start.saturating_sub((longest as f64 * PART) as usize + 1);
-        let all = |of: &dyn Fn(&Row) -> f32| (from..window.end).map(|at| smooth(of, at)).collect();
+        let smoothed = |value: &dyn Fn(&Row) -> f32| (from..window.end).map(|at| smooth(value, at)).collect();
         let slot = &rows[window.start].command[motor];
         Self {
             kp: f64::from(slot.kp),
@@ -116,9 +116,9 @@ impl Smooth {
                 .step_by(STRIDE)
                 .map(|at| smooth(&|row| row.state.torque[motor], at))
                 .collect(),
-            target: all(&|row| row.command[motor].q),
-            angle: all(&|row| row.state.q[motor]),
-            velocity: all(&|row| row.state.dq[motor]),
+            target: smoothed(&|row| row.command[motor].q),
+            angle: smoothed(&|row| row.state.q[motor]),
+            velocity: smoothed(&|row| row.state.dq[motor]),
             begin: window.start - from,
         }
     }

@@ -76,10 +76,10 @@ mod tests {
             <body name="leg"><joint name="knee" axis="0 1 0"/>
             <inertial pos="0 0 -0.3" mass="2" diaginertia="0.01 0.02 0.03"/></body></body></worldbody></mujoco>"#;
         let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
-        let found = load(&model, 0, &[0.5], [0.0, 0.0, 1.0]);
+        let load = load(&model, 0, &[0.5], [0.0, 0.0, 1.0]);
         let (weight, lever) = (2.0 * 9.81, 0.3);
-        assert!((found.torque - weight * lever * 0.5f64.sin()).abs() < 1e-9, "{found:?}");
-        assert!((found.slope - weight * lever * 0.5f64.cos()).abs() < 1e-5, "{found:?}");
-        assert!((found.inertia - (0.02 + 2.0 * 0.09)).abs() < 1e-9, "{found:?}");
+        assert!((load.torque - weight * lever * 0.5f64.sin()).abs() < 1e-9, "{load:?}");
+        assert!((load.slope - weight * lever * 0.5f64.cos()).abs() < 1e-5, "{load:?}");
+        assert!((load.inertia - (0.02 + 2.0 * 0.09)).abs() < 1e-9, "{load:?}");
     }
 }

@@ -50,8 +50,8 @@ pub struct ImuReport {
 /// The inertial unit's numbers from states. Numbers that are not finite are left out.
 pub(super) fn imu(heard: &[Heard]) -> ImuReport {
     let finite = |v: &[f32; 3]| v.iter().all(|x| x.is_finite());
-    let rows = |of: &dyn Fn(&Heard) -> [f32; 3]| -> [Vec<f64>; 3] {
-        let kept: Vec<[f32; 3]> = heard.iter().map(of).filter(finite).collect();
+    let rows = |vector: &dyn Fn(&Heard) -> [f32; 3]| -> [Vec<f64>; 3] {
+        let kept: Vec<[f32; 3]> = heard.iter().map(vector).filter(finite).collect();
         std::array::from_fn(|k| kept.iter().map(|v| f64::from(v[k])).collect())
     };
     let accelerometer = rows(&|one| one.state.accelerometer);

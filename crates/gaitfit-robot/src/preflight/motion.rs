@@ -111,13 +111,13 @@ pub fn moved(
     let (mut joints, mut mass_factor) = (Vec::new(), None);
     if let Some(plan) = &flown.plan {
         let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
-        let all = plan.order().iter().filter_map(|&motor| {
+        let motions = plan.order().iter().filter_map(|&motor| {
             let (one, carried) = joint(sampled, robot, plan, motor, model.zip(vertical))?;
             Some((one, carried, f64::from(plan.kp()[motor])))
         });
-        let all: Vec<_> = all.collect();
-        mass_factor = heavier(all.iter().filter_map(|(_, carried, _)| carried.as_ref()));
-        for (mut one, carried, kp) in all {
+        let motions: Vec<_> = motions.collect();
+        mass_factor = heavier(motions.iter().filter_map(|(_, carried, _)| carried.as_ref()));
+        for (mut one, carried, kp) in motions {
             if let (Some(carried), Some(factor)) = (carried, mass_factor) {
                 (one.zero, one.armature) = carried.zero(factor);
             }
@@ -136,8 +136,8 @@ pub fn moved(
 }
 
 /// The delay of all joints, from the delays of each.
-fn together(all: impl Iterator<Item = Measured>) -> Option<Measured> {
-    let delays: Vec<f64> = all.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
+fn together(measured: impl Iterator<Item = Measured>) -> Option<Measured> {
+    let delays: Vec<f64> = measured.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
     let Measured { value, error } = robust(&delays);
     (delays.len() >= 3).then_some(Measured { value, error: error.max(LEAST_ERROR) })
 }
@@ -158,26 +158,27 @@ fn joint(
 ) -> Option<(JointMotion, Option<Carried>)> {
     let window = window(sampled, motor)?;
     let rows = &sampled.rows;
-    let travelled = |of: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[of])));
-    let others = (0..robot.motors.len()).filter(|of| *of != motor).map(|of| (of, travelled(of)));
+    let travelled = |index: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[index])));
+    let others =
+        (0..robot.motors.len()).filter(|index| *index != motor).map(|index| (index, travelled(index)));
     let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
-    let found = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
-    let equation = found.and_then(|found| found.equation);
+    let response = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
+    let equation = response.and_then(|response| response.equation);
     let carried = file.zip(equation).and_then(|(file, equation)| {
         Some(Carried { load: weigh(sampled, robot, &window, motor, file)?, equation })
     });
-    let torque = found.and_then(|found| found.torque);
+    let torque = response.and_then(|response| response.torque);
     let motion = JointMotion {
         joint: robot.motors[motor].joint.clone(),
         moved: travelled(motor),
         asked: 2.0 * f64::from(plan.amplitude()[motor]),
-        other: other.map(|(of, far)| (robot.motors[of].joint.clone(), far)),
-        follows: found.map(|found| found.follows),
-        delay: equation.and_then(|found| found.delay),
+        other: other.map(|(index, far)| (robot.motors[index].joint.clone(), far)),
+        follows: response.map(|response| response.follows),
+        delay: equation.and_then(|equation| equation.delay),
         torque_delay: torque.map(|torque| torque.delay),
-        friction: equation.map(|found| found.friction),
-        damping: equation.map(|found| found.damping),
-        inertia: equation.and_then(|found| found.inertia),
+        friction: equation.map(|equation| equation.friction),
+        damping: equation.map(|equation| equation.damping),
+        inertia: equation.and_then(|equation| equation.inertia),
         armature: None,
         torque_gain: torque.map(|torque| torque.gain),
         zero: None,
@@ -211,9 +212,9 @@ struct Carried {
 }
 
 /// Weight of the links over that of the file: the middle of all joints.
-fn heavier<'c>(all: impl Iterator<Item = &'c Carried>) -> Option<f64> {
+fn heavier<'c>(loads: impl Iterator<Item = &'c Carried>) -> Option<f64> {
     let mut none = true;
-    let factors: Vec<f64> = all
+    let factors: Vec<f64> = loads
         .inspect(|_| none = false)
         .filter(|one| one.load.torque.abs() > CARRIED)
         .map(|one| one.equation.weight.value / one.load.torque)
@@ -236,8 +237,10 @@ impl Carried {
             error: error / slope.abs().max(1e-6),
         };
         let links = factor * links;
-        let armature =
-            inertia.map(|all| Measured { value: all.value - links, error: all.error.hypot(WEIGHT * links) });
+        let armature = inertia.map(|inertia| Measured {
+            value: inertia.value - links,
+            error: inertia.error.hypot(WEIGHT * links),
+        });
         (zero.value.is_finite().then_some(zero), armature)
     }
 }

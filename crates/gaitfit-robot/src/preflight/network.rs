@@ -101,12 +101,13 @@ fn clock(heard: &[Heard]) -> Option<ClockReport> {
             ([1.0, ms], counted)
         })
         .collect();
-    let (found, covariance, left) = least_squares(&rows)?;
+    let (coefficients, covariance, left) = least_squares(&rows)?;
     let noise = left / rows.len().saturating_sub(2).max(1) as f64;
-    let residuals: Vec<f64> = rows.iter().map(|(row, y)| y - found[0] - found[1] * row[1]).collect();
+    let residuals: Vec<f64> =
+        rows.iter().map(|(row, y)| y - coefficients[0] - coefficients[1] * row[1]).collect();
     let error = 1e6 * (noise * covariance[1][1]).sqrt();
     Some(ClockReport {
-        faster_ppm: Measured { value: 1e6 * (found[1] - 1.0), error },
+        faster_ppm: Measured { value: 1e6 * (coefficients[1] - 1.0), error },
         jitter_ms: deviation(&residuals),
     })
 }

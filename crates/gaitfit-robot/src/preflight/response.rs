@@ -74,7 +74,7 @@ pub(super) fn response(
     let torque = reported(rows, window.clone(), motor, sampled.message);
     let otherwise = torque.map_or(0.0, |torque| torque.delay.value);
     let equation = equation(rows, window.clone(), motor, mean(&angles), otherwise);
-    let delay = equation.and_then(|found| found.delay).or(torque.map(|torque| torque.delay));
+    let delay = equation.and_then(|equation| equation.delay).or(torque.map(|torque| torque.delay));
     let late = delay.map_or(0.0, |delay| delay.value);
     let steps = ((late + HELD) / DELAY_STEP).round().max(0.0) as usize;
     let slow = window.start..(window.start + slow).min(window.end);
@@ -127,10 +127,10 @@ fn equation(
     }
     let delay = least(&squares, best, count, overlap);
     let solved = |at: usize| {
-        let (found, covariance, left) = least_squares(&all[at.min(DELAYS)])?;
+        let (coefficients, covariance, left) = least_squares(&all[at.min(DELAYS)])?;
         let noise = left / count.saturating_sub(6).max(1) as f64;
         Some(std::array::from_fn::<Measured, 4, _>(|k| Measured {
-            value: found[k],
+            value: coefficients[k],
             error: overlap * (noise * covariance[k][k].max(0.0)).sqrt(),
         }))
     };

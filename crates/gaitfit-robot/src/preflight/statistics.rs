@@ -116,12 +116,13 @@ pub(super) fn least_squares<const N: usize>(
     }
     let covariance: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j] / (scale[i] * scale[j])));
-    let found: [f64; N] = std::array::from_fn(|i| covariance[i].iter().zip(&right).map(|(a, b)| a * b).sum());
+    let coefficients: [f64; N] =
+        std::array::from_fn(|i| covariance[i].iter().zip(&right).map(|(a, b)| a * b).sum());
     let left = rows
         .iter()
-        .map(|(row, y)| (y - row.iter().zip(&found).map(|(a, b)| a * b).sum::<f64>()).powi(2))
+        .map(|(row, y)| (y - row.iter().zip(&coefficients).map(|(a, b)| a * b).sum::<f64>()).powi(2))
         .sum();
-    Some((found, covariance, left))
+    Some((coefficients, covariance, left))
 }
 
 #[cfg(test)]
@@ -138,9 +139,9 @@ mod tests {
                 ([1.0, x, x * x], 3.0 - 2.0 * x + 0.5 * x * x + odd)
             })
             .collect();
-        let (found, _, left) = least_squares(&rows).unwrap();
-        for (found, truth) in found.iter().zip([3.0, -2.0, 0.5]) {
-            assert!((found - truth).abs() < 0.01, "{found} {truth}");
+        let (coefficients, _, left) = least_squares(&rows).unwrap();
+        for (coefficient, truth) in coefficients.iter().zip([3.0, -2.0, 0.5]) {
+            assert!((coefficient - truth).abs() < 0.01, "{coefficient} {truth}");
         }
         assert!((left - 50.0 * 1e-4).abs() < 5e-4, "{left}");
         let twice: Vec<([f64; 2], f64)> = (0..9).map(|k| ([f64::from(k), 2.0 * f64::from(k)], 1.0)).collect();

@@ -41,14 +41,14 @@ pub(super) fn stopped(flown: &Flown, sampled: &SampledStates, robot: &Robot, fin
 
 /// A joint moved while its target stood where the joint was.
 fn softened(first: &Row, last: &Row, robot: &Robot, motor: usize) -> Finding {
-    let by = |of: usize| f64::from(last.state.q[of] - first.state.q[of]);
-    let at = |of: usize| f64::from(first.state.q[of]);
+    let by = |index: usize| f64::from(last.state.q[index] - first.state.q[index]);
+    let at = |index: usize| f64::from(first.state.q[index]);
     let joint = &robot.motors[motor].joint;
     let moved = by(motor);
     // Two joints whose readings are swapped go to each other's angles.
     let partner = (0..robot.motors.len())
-        .filter(|of| *of != motor && by(*of).abs() > MOVED)
-        .find(|of| (at(*of) - at(motor)) * moved > 0.0 && (at(motor) - at(*of)) * by(*of) > 0.0);
+        .filter(|index| *index != motor && by(*index).abs() > MOVED)
+        .find(|index| (at(*index) - at(motor)) * moved > 0.0 && (at(motor) - at(*index)) * by(*index) > 0.0);
     if let Some(partner) = partner {
         let other = &robot.motors[partner].joint;
         return Finding::fault(
@@ -81,7 +81,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let joint = &robot.motors[motor].joint;
     let (first, last) = (&rows[0], &rows[rows.len() - 1]);
     let wanted = f64::from(last.command[motor].q - first.command[motor].q);
-    let by = |of: usize| f64::from(last.state.q[of] - first.state.q[of]);
+    let by = |index: usize| f64::from(last.state.q[index] - first.state.q[index]);
     let end = &rows[rows.len().saturating_sub(LAST)..];
     let made: Vec<f64> = end
         .iter()
@@ -93,8 +93,8 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let reports = rows.iter().any(|row| row.state.torque.iter().any(|torque| *torque != 0.0));
     let torques = format!("its command gives {made:.1} N·m, and its motor reports {reported:.1}");
     let other = (0..robot.motors.len())
-        .filter(|of| *of != motor)
-        .map(|of| (of, (by(of) - f64::from(last.command[of].q - first.command[of].q)).abs()))
+        .filter(|index| *index != motor)
+        .map(|index| (index, (by(index) - f64::from(last.command[index].q - first.command[index].q)).abs()))
         .filter(|(_, far)| *far > 0.5 * wanted.abs() && *far > 2.0 * MOVED)
         .max_by(|a, b| a.1.total_cmp(&b.1));
     let finding = if reports && made.abs() > ASKED && reported.abs() < ANSWER * made.abs() {

@@ -71,9 +71,9 @@ pub struct TiltReport {
 }
 
 /// What turns show, how the unit is mounted (roll, pitch, yaw, degrees) if not as the base's axes are, and what is wrong.
-pub fn tilted(all: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>) {
+pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>) {
     let mut findings = Vec::new();
-    let reports: Vec<TiltReport> = all.iter().filter_map(report).collect();
+    let reports: Vec<TiltReport> = turns.iter().filter_map(report).collect();
     for one in &reports {
         judge_gyro(one, &mut findings);
     }

@@ -12,9 +12,9 @@ pub(super) fn orientation(quaternion: [f32; 4]) -> Option<Quat> {
 }
 
 /// The mean of orientations that are near each other.
-pub(super) fn mean_orientation(all: impl IntoIterator<Item = Quat>) -> Option<Quat> {
+pub(super) fn mean_orientation(orientations: impl IntoIterator<Item = Quat>) -> Option<Quat> {
     let mut sum = [0.0f64; 4];
-    for q in all {
+    for q in orientations {
         let along: f64 = sum.iter().zip(&q).map(|(a, b)| a * b).sum();
         let sign = if along < 0.0 { -1.0 } else { 1.0 };
         sum.iter_mut().zip(&q).for_each(|(sum, x)| *sum += sign * x);
@@ -127,12 +127,12 @@ mod tests {
             let of_base = from_rpy(a, b, c);
             // What the unit reads of a turn about each axis of the base.
             let read = axes(inverse(of_base));
-            let found = mounting(read).unwrap();
-            let away = turn_between(found, of_base);
-            assert!(dot(away, away).sqrt() < 1e-9, "{degrees:?}: {found:?}");
-            let (nearest, off) = nearest_quarter_turns(found);
+            let turn = mounting(read).unwrap();
+            let away = turn_between(turn, of_base);
+            assert!(dot(away, away).sqrt() < 1e-9, "{degrees:?}: {turn:?}");
+            let (nearest, off) = nearest_quarter_turns(turn);
             assert!(off < 1e-6 && nearest == degrees, "{nearest:?} {degrees:?}");
-            assert!(angle(rotate(found, read[1]), [0.0, 1.0, 0.0]) < 1e-9);
+            assert!(angle(rotate(turn, read[1]), [0.0, 1.0, 0.0]) < 1e-9);
         }
         assert_eq!(mounting([[1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, 0.0, 1.0]]), None);
     }

@@ -215,11 +215,11 @@ impl Robot {
     /// # Errors
     /// A joint that the robot lacks, one that is named twice, or a motor that must be moved and is not.
     pub fn motors_of(&self, joints: &[String]) -> Result<Vec<usize>, RobotError> {
-        let mut found: Vec<usize> = Vec::with_capacity(self.motors.len());
+        let mut indices: Vec<usize> = Vec::with_capacity(self.motors.len());
         for joint in joints {
             let motor = self.motors.iter().position(|motor| motor.moves(joint));
-            match motor.filter(|motor| !found.contains(motor)) {
-                Some(motor) => found.push(motor),
+            match motor.filter(|motor| !indices.contains(motor)) {
+                Some(motor) => indices.push(motor),
                 None => {
                     return Err(RobotError::Joint {
                         joint: joint.clone(),
@@ -230,14 +230,14 @@ impl Robot {
             }
         }
         let mut motors = self.motors.iter().enumerate();
-        match motors.find(|(motor, it)| it.held.is_none() && !found.contains(motor)) {
+        match motors.find(|(motor, it)| it.held.is_none() && !indices.contains(motor)) {
             Some((_, motor)) => Err(RobotError::Joints {
                 count: joints.len(),
                 robot: self.title.clone(),
                 motors: self.motors.len(),
                 joint: motor.joint.clone(),
             }),
-            None => Ok(found),
+            None => Ok(indices),
         }
     }
 

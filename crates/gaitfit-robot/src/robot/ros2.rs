@@ -83,21 +83,21 @@ impl Robot {
         let topic = |key: &str, name: Option<&str>, kind: &str| {
             Topic::new(name.unwrap_or_default(), kind).map_err(|problem| format!("`{key}`: {problem}"))
         };
-        let found = Ros2 {
+        let topics = Ros2 {
             states: topic("state_topic", Some(self.state_topic()), "sensor_msgs/msg/JointState")?,
             imu: topic("imu_topic", self.imu_topic.as_deref().or(Some("/imu/data")), "sensor_msgs/msg/Imu")?,
             commands: topic("command_topic", Some(self.command_topic()), command_type.name())?,
             command_type,
             order: self.command_order.clone().unwrap_or_else(|| CommandPart::ALL.into()),
         };
-        let names = [&found.states.name, &found.imu.name, &found.commands.name];
+        let names = [&topics.states.name, &topics.imu.name, &topics.commands.name];
         if names[0] == names[1] || names[0] == names[2] || names[1] == names[2] {
             return Err(
                 "two of `state_topic`, `imu_topic` and `command_topic` are the same; give each its own"
                     .to_owned(),
             );
         }
-        Ok(found)
+        Ok(topics)
     }
 
     /// What is wrong with the keys that only some messages have, in words.
@@ -225,9 +225,10 @@ motors = [
 
     #[test]
     fn topics_have_ros_2s_usual_names_or_those_of_the_file() {
-        let found = Robot::parse(FILE, "biped.toml").unwrap().ros2().unwrap();
-        let dds: Vec<(String, String)> =
-            [&found.states, &found.imu, &found.commands].map(|one| (one.dds_name(), one.dds_type())).into();
+        let topics = Robot::parse(FILE, "biped.toml").unwrap().ros2().unwrap();
+        let dds: Vec<(String, String)> = [&topics.states, &topics.imu, &topics.commands]
+            .map(|one| (one.dds_name(), one.dds_type()))
+            .into();
         let named = |name: &str, kind: &str| (name.to_owned(), kind.to_owned());
         let wanted = [
             named("rt/joint_states", "sensor_msgs::msg::dds_::JointState_"),
@@ -236,8 +237,8 @@ motors = [
         ];
         assert_eq!(dds, wanted);
         let keys = "state_topic = \"/dog/joint_states\"\nimu_topic = \"/dog/imu\"\ncommand_topic = \"dog/commands\"\nguard";
-        let found = Robot::parse(&FILE.replacen("guard", keys, 1), "biped.toml").unwrap().ros2().unwrap();
-        let names = [&found.states, &found.imu, &found.commands].map(Topic::dds_name);
+        let topics = Robot::parse(&FILE.replacen("guard", keys, 1), "biped.toml").unwrap().ros2().unwrap();
+        let names = [&topics.states, &topics.imu, &topics.commands].map(Topic::dds_name);
         assert_eq!(names, ["rt/dog/joint_states", "rt/dog/imu", "rt/dog/commands"]);
     }
 

@@ -157,9 +157,9 @@ impl States {
             name == known || *suffixed && name.strip_suffix("_joint") == Some(known)
         };
         let place = |motor: &(String, bool)| {
-            let mut all =
+            let mut places =
                 names.iter().enumerate().filter(|(_, name)| is(motor, name)).map(|(place, _)| place);
-            (all.next(), all.next())
+            (places.next(), places.next())
         };
         let places: Vec<_> = self.motors.iter().map(place).collect();
         if places.iter().all(|(first, _)| first.is_none()) {
@@ -184,13 +184,14 @@ impl States {
     }
 
     fn reading(&self, message: &JointState, imu: &Imu) -> Reading {
-        let of = |values: &[f64]| self.places.map(|place| values.get(place).map_or(0.0, |x| *x as f32));
+        let values_of =
+            |values: &[f64]| self.places.map(|place| values.get(place).map_or(0.0, |x| *x as f32));
         let three = |v: super::Vector3| [v.x, v.y, v.z].map(|x| x as f32);
         let q = imu.orientation;
         let state = RobotState {
-            q: of(&message.position),
-            dq: of(&message.velocity),
-            torque: of(&message.effort),
+            q: values_of(&message.position),
+            dq: values_of(&message.velocity),
+            torque: values_of(&message.effort),
             temperature: self.places.map(|_| 0),
             error: self.places.map(|_| 0),
             lost: self.places.map(|_| 0),

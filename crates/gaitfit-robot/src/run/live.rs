@@ -269,9 +269,9 @@ fn control(
             board.stop = Some(Reason::Log(error.to_string()));
         }
         drop(board);
-        let (found, over) = (seen.phase, seen.over);
-        if found != phase {
-            phase = found;
+        let (current, over) = (seen.phase, seen.over);
+        if current != phase {
+            phase = current;
             (ask.phase)(phase);
         }
         if over {

@@ -62,13 +62,13 @@ impl Script {
     ///
     /// # Errors
     /// What [`Script::new`] refuses of a walk or of all of them, no walk, and a pause that is not from 0.5 to 60 s.
-    pub fn of_walks(of: &[Vec<(f64, [f32; 3])>], pause: f64) -> Result<Self, RobotError> {
+    pub fn of_walks(recorded: &[Vec<(f64, [f32; 3])>], pause: f64) -> Result<Self, RobotError> {
         if !(0.5..=60.0).contains(&pause) {
             return Err(RobotError::Script(format!("a pause of {pause} s; give 0.5 to 60")));
         }
         let (mut rows, mut walks) = (Vec::new(), Vec::new());
         let mut begin = 0.0;
-        for walk in of {
+        for walk in recorded {
             let walk = Self::new(walk.clone())?;
             let end = begin + walk.seconds();
             let commands = walk.rows.len() - 1;

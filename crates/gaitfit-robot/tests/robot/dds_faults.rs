@@ -85,7 +85,7 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
     let mut body = Simulated::new(&batch, &go2()).unwrap();
     let begin = Instant::now();
-    let (mut found, mut first, mut other) = (Felt::default(), None, None);
+    let (mut record, mut first, mut other) = (Felt::default(), None, None);
     let mut recent: VecDeque<(Duration, RobotState)> = VecDeque::new();
     while !done.load(Ordering::SeqCst) {
         std::thread::sleep(Duration::from_millis(2));
@@ -94,11 +94,11 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
         body.receive(now, &mut |_, reading: &Reading| newest = Some(reading.state)).unwrap();
         let faulty = first.is_some_and(|first: Duration| now >= first + after);
         if faulty {
-            found.fault_at.get_or_insert(now);
+            record.fault_at.get_or_insert(now);
             if fault == Fault::Killed {
                 break;
             }
-            let since = now - found.fault_at.unwrap();
+            let since = now - record.fault_at.unwrap();
             if fault == Fault::Paused && since < pause {
                 continue;
             }
@@ -106,7 +106,7 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
                 other = Some(Dds::open(&go2(), "lo", domain, false).unwrap());
             }
             // Discovery takes a moment, and a moment more on a busy machine.
-            if let Some(other) = other.as_mut().filter(|_| found.answered.is_none()) {
+            if let Some(other) = other.as_mut().filter(|_| record.answered.is_none()) {
                 other.send(&damping(&PerMotor::new(12, 2.0))).unwrap();
             }
         }
@@ -114,19 +114,19 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
             let sample = sample.into_value();
             let command = felt(&sample);
             first.get_or_insert(now);
-            found.commands += 1;
-            found.checksums += u64::from(sample.checksum() != sample.crc);
+            record.commands += 1;
+            record.checksums += u64::from(sample.checksum() != sample.crc);
             let inside = recent.iter().any(|(_, state)| violation(&command, state).is_none());
-            if let Some((_, state)) = recent.back().filter(|_| !inside && found.outside.is_none()) {
-                found.outside = violation(&command, state);
+            if let Some((_, state)) = recent.back().filter(|_| !inside && record.outside.is_none()) {
+                record.outside = violation(&command, state);
             }
-            if let Some(at) = found.fault_at
+            if let Some(at) = record.fault_at
                 && command.iter().all(|motor| motor.kp == 0.0)
                 && fault != Fault::SecondController
             {
-                found.answered.get_or_insert(now - at);
+                record.answered.get_or_insert(now - at);
             }
-            found.last = Some(command);
+            record.last = Some(command);
             body.send(&command).unwrap();
         }
         let Some(state) = newest else { continue };
@@ -152,7 +152,7 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
         }
         states.write(said, None).unwrap();
     }
-    found
+    record
 }
 
 /// A run on the clock under the committed walk, with a robot's rules but `patience`.

@@ -166,9 +166,9 @@ fn checked(robot: &Robot, domain: u16) -> (Vec<String>, Option<Moved>) {
     let flight = Flight::new(robot, guard);
     let flown = fly(&mut link, &mut Beat::default(), flight, &mut |_| (), &stop).unwrap();
     let rows = sampled(&flown);
-    let (found, more) = moved(&flown, &rows, robot, None);
+    let (motion, more) = moved(&flown, &rows, robot, None);
     findings.extend(more);
-    (shown(&findings), Some(found))
+    (shown(&findings), Some(motion))
 }
 
 #[test]

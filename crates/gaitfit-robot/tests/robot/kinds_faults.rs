@@ -156,22 +156,22 @@ fn side<S: Spoken>(robot: &Robot, domain: u16, fault: Fault, after: Duration, do
     let (_participant, states, mut commands) = robot_side::<S::State, S::Command>(domain, S::KIND);
     let (mut toy, motors) = (Toy::lying(robot), robot.motors.len());
     let (begin, mut stepped) = (Instant::now(), Duration::ZERO);
-    let (mut found, mut first, mut other) = (Felt::default(), None, None);
+    let (mut felt, mut first, mut other) = (Felt::default(), None, None);
     let mut recent: VecDeque<(Duration, RobotState)> = VecDeque::new();
     while !done.load(Ordering::SeqCst) {
         std::thread::sleep(TICK);
         let now = begin.elapsed();
         while stepped + TICK <= now {
             stepped += TICK;
-            toy.step(found.last.as_ref());
+            toy.step(felt.last.as_ref());
         }
         recent.push_back((now, toy.state));
         while recent.front().is_some_and(|(came, _)| *came + RECENT < now) {
             recent.pop_front();
         }
-        found.faulty |= first.is_some_and(|first: Duration| now >= first + after);
+        felt.faulty |= first.is_some_and(|first: Duration| now >= first + after);
         let mut state = toy.state;
-        if found.faulty {
+        if felt.faulty {
             match fault {
                 Fault::Killed => break,
                 Fault::NotFinite => state.dq[motors - 1] = f32::NAN,
@@ -179,7 +179,7 @@ fn side<S: Spoken>(robot: &Robot, domain: u16, fault: Fault, after: Duration, do
                 Fault::SecondController => {
                     let other = other.get_or_insert_with(|| Dds::open(robot, "lo", domain, false).unwrap());
                     // Discovery takes a moment; it stops once the run damps.
-                    if found.last.is_some_and(|last| last.iter().any(|motor| motor.kp > 0.0)) {
+                    if felt.last.is_some_and(|last| last.iter().any(|motor| motor.kp > 0.0)) {
                         other.send(&damping(&robot.each(|motor| motor.damping))).unwrap();
                     }
                 }
@@ -190,18 +190,18 @@ fn side<S: Spoken>(robot: &Robot, domain: u16, fault: Fault, after: Duration, do
             let sample = sample.into_value();
             let (command, is_wrong) = S::felt(&sample, motors);
             first.get_or_insert(now);
-            found.commands += 1;
+            felt.commands += 1;
             let ours = other.is_none();
-            found.wrong += u64::from(is_wrong || ours && !S::fits(&sample));
+            felt.wrong += u64::from(is_wrong || ours && !S::fits(&sample));
             if !recent.iter().any(|(_, state)| violation_of(robot, &command, state).is_none()) {
-                found.outside = found.outside.or(violation_of(robot, &command, &toy.state));
+                felt.outside = felt.outside.or(violation_of(robot, &command, &toy.state));
             }
-            found.last = Some(command);
+            felt.last = Some(command);
         }
-        let damaged = found.faulty && fault == Fault::WrongChecksum;
+        let damaged = felt.faulty && fault == Fault::WrongChecksum;
         states.write(S::said(&state, damaged), None).unwrap();
     }
-    found
+    felt
 }
 
 #[test]

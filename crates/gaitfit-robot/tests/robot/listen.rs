@@ -133,8 +133,8 @@ fn python_a_gap_of_another_dds_is_seen_in_the_log() {
     let log = read(&path, mapping).trajectory;
     let largest = log.time.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
     assert!((0.45..0.6).contains(&largest), "{largest}");
-    let found = gaitfit_log::check(&log, &gaitfit_log::CheckSpec::default());
-    assert!(found.iter().any(|finding| finding.kind == gaitfit_log::FindingKind::TimeGap), "{found:?}");
+    let findings = gaitfit_log::check(&log, &gaitfit_log::CheckSpec::default());
+    assert!(findings.iter().any(|finding| finding.kind == gaitfit_log::FindingKind::TimeGap), "{findings:?}");
 }
 
 #[derive(Debug, Serialize)]

@@ -53,7 +53,7 @@ fn service(domain: u16, code: i32, mut stubborn: u32, calls: &Mutex<Vec<i64>>, d
 
 #[test]
 fn a_motion_service_is_found_and_released_and_one_that_fails_or_stays_is_not_taken_for_released() {
-    for (domain, code, stubborn, found, then) in [
+    for (domain, code, stubborn, mode, then) in [
         (61, 0, 1, MotionMode::Active("normal".to_owned()), MotionMode::Released),
         (62, 0, u32::MAX, MotionMode::Active("normal".to_owned()), MotionMode::Active("normal".to_owned())),
         (63, 3203, 0, MotionMode::Error(3203), MotionMode::Error(3203)),
@@ -68,7 +68,7 @@ fn a_motion_service_is_found_and_released_and_one_that_fails_or_stays_is_not_tak
             let patience = if then == MotionMode::Released { PATIENCE } else { Duration::from_secs(2) };
             let released = switcher.release(patience).unwrap();
             done.store(true, Ordering::SeqCst);
-            assert_eq!((&first, &released), (&found, &then), "{domain}");
+            assert_eq!((&first, &released), (&mode, &then), "{domain}");
             assert!(asked.iter().all(|call| *call == 1001), "{asked:?}");
         });
         assert!(calls.lock().unwrap().contains(&1003));
@@ -84,7 +84,7 @@ fn a_motion_service_is_found_and_released_and_one_that_fails_or_stays_is_not_tak
 fn shared_the_vendors_rpc_server_is_asked_and_released() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let Some(python) = sdk_python(&root) else { return };
-    for (domain, options, found, then) in [
+    for (domain, options, mode, then) in [
         ("65", &["--stubborn", "1"][..], MotionMode::Active("normal".to_owned()), MotionMode::Released),
         ("66", &["--mode", ""], MotionMode::Released, MotionMode::Released),
         ("67", &["--code", "3205"], MotionMode::Error(3205), MotionMode::Error(3205)),
@@ -100,7 +100,7 @@ fn shared_the_vendors_rpc_server_is_asked_and_released() {
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
         assert!(lines.any(|line| line.contains("\"ready\"")), "it did not start");
         let mut switcher = MotionSwitcher::open("lo", domain.parse().unwrap()).unwrap();
-        assert_eq!(switcher.check(PATIENCE).unwrap(), found, "{options:?}");
+        assert_eq!(switcher.check(PATIENCE).unwrap(), mode, "{options:?}");
         let patience = if then == MotionMode::Released { PATIENCE } else { Duration::from_secs(2) };
         assert_eq!(switcher.release(patience).unwrap(), then, "{options:?}");
         drop(child.stdin.take());

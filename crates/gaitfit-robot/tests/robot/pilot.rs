@@ -38,10 +38,10 @@ fn a_pilot_that_senses_what_a_simulated_robot_does_acts_as_it_does_bit_for_bit()
         actions: Vec::new(),
     };
     let job = Job { candidate: Candidate::nominal(&model), reset_every: None, seed: 0 };
-    let found = Mutex::new(Track::default());
-    let keep = |_: usize, _: usize, track: &Track| *found.lock().unwrap() = track.clone();
+    let kept = Mutex::new(Track::default());
+    let keep = |_: usize, _: usize, track: &Track| *kept.lock().unwrap() = track.clone();
     follow(&walker, &policy, &[script], &[job], 1, &keep, &|| false).unwrap();
-    let track = found.into_inner().unwrap();
+    let track = kept.into_inner().unwrap();
     assert!(track.fell_at.is_none() && track.action.len() == 12 * commands.len());
 
     let mut pilot = Pilot::new(&policy).unwrap();

@@ -145,28 +145,28 @@ fn a_wrong_checksum_stops() {
 
 #[test]
 fn numbers_that_are_not_finite_stop() {
-    let found = after(|reading| reading.state.q[5] = f32::NAN);
-    assert_eq!(found, Reason::StateNotFinite("a joint's angle"));
-    let found = after(|reading| reading.state.dq[0] = f32::INFINITY);
-    assert_eq!(found, Reason::StateNotFinite("a joint's velocity"));
-    let found = after(|reading| reading.state.torque[11] = f32::NAN);
-    assert_eq!(found, Reason::StateNotFinite("a joint's torque"));
-    let found = after(|reading| reading.state.quaternion[2] = f32::NAN);
-    assert_eq!(found, Reason::StateNotFinite("the orientation"));
-    let found = after(|reading| reading.state.gyroscope[0] = f32::NEG_INFINITY);
-    assert_eq!(found, Reason::StateNotFinite("the gyroscope"));
-    let found = after(|reading| reading.state.accelerometer[1] = f32::NAN);
-    assert_eq!(found, Reason::StateNotFinite("the accelerometer"));
+    let reason = after(|reading| reading.state.q[5] = f32::NAN);
+    assert_eq!(reason, Reason::StateNotFinite("a joint's angle"));
+    let reason = after(|reading| reading.state.dq[0] = f32::INFINITY);
+    assert_eq!(reason, Reason::StateNotFinite("a joint's velocity"));
+    let reason = after(|reading| reading.state.torque[11] = f32::NAN);
+    assert_eq!(reason, Reason::StateNotFinite("a joint's torque"));
+    let reason = after(|reading| reading.state.quaternion[2] = f32::NAN);
+    assert_eq!(reason, Reason::StateNotFinite("the orientation"));
+    let reason = after(|reading| reading.state.gyroscope[0] = f32::NEG_INFINITY);
+    assert_eq!(reason, Reason::StateNotFinite("the gyroscope"));
+    let reason = after(|reading| reading.state.accelerometer[1] = f32::NAN);
+    assert_eq!(reason, Reason::StateNotFinite("the accelerometer"));
 }
 
 #[test]
 fn joints_out_of_range_too_fast_or_jumping_stop() {
-    let found = after(|reading| reading.state.q[2] = -0.6);
-    assert_eq!(found, Reason::OutOfRange { joint: "FR_calf".to_owned(), angle: -0.6 });
-    let found = after(|reading| reading.state.dq[7] = 50.0);
-    assert_eq!(found, Reason::TooFast { joint: "RR_thigh".to_owned(), speed: 50.0 });
-    let found = after(|reading| reading.state.q[1] += 0.5);
-    assert!(matches!(&found, Reason::Jump { joint, .. } if joint == "FR_thigh"), "{found:?}");
+    let reason = after(|reading| reading.state.q[2] = -0.6);
+    assert_eq!(reason, Reason::OutOfRange { joint: "FR_calf".to_owned(), angle: -0.6 });
+    let reason = after(|reading| reading.state.dq[7] = 50.0);
+    assert_eq!(reason, Reason::TooFast { joint: "RR_thigh".to_owned(), speed: 50.0 });
+    let reason = after(|reading| reading.state.q[1] += 0.5);
+    assert!(matches!(&reason, Reason::Jump { joint, .. } if joint == "FR_thigh"), "{reason:?}");
 
     // Messages that were held up come in a heap: by the robot's counter they are further apart.
     let mut run = Run::armed();
@@ -189,12 +189,12 @@ fn joints_out_of_range_too_fast_or_jumping_stop() {
 #[test]
 fn joints_in_another_order_stop() {
     // All hips, then thighs, then calves: a common order.
-    let found = after(|reading| {
+    let reason = after(|reading| {
         let q = reading.state.q;
         reading.state.q = PerMotor::from_fn(12, |k| q[3 * (k % 4) + k / 4]);
     });
-    assert!(matches!(found, Reason::OutOfRange { .. }), "{found:?}");
-    assert!(found.to_string().contains("another order"));
+    assert!(matches!(reason, Reason::OutOfRange { .. }), "{reason:?}");
+    assert!(reason.to_string().contains("another order"));
 }
 
 #[test]
@@ -205,8 +205,8 @@ fn tilt_heat_and_an_empty_battery_stop() {
     };
     assert!(matches!(after(tilted(61.0)), Reason::Tilt(degrees) if (degrees - 61.0).abs() < 0.1));
     assert_eq!(after(|reading| reading.state.quaternion = [0.0; 4]), Reason::NoOrientation);
-    let found = after(|reading| reading.state.temperature[8] = 81);
-    assert_eq!(found, Reason::Hot { joint: "RR_calf".to_owned(), degrees: 81 });
+    let reason = after(|reading| reading.state.temperature[8] = 81);
+    assert_eq!(reason, Reason::Hot { joint: "RR_calf".to_owned(), degrees: 81 });
     let battery = |charge| {
         move |reading: &mut Reading| {
             reading.state.battery = Some(Battery { charge, volts: 25.0, amps: 3.0 });

@@ -204,7 +204,7 @@ fn a_robot_at_full_speed_comes_to_rest_and_lies_down() {
         let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
         assert_eq!(log.len(), (seconds * 50.0).round() as usize, "{speed:?}");
         let last = &log.command.as_ref().unwrap()[3 * (log.len() - 1)..];
-        assert!(last.iter().zip(speed).all(|(found, wanted)| (*found as f32 - wanted).abs() < 1e-6));
+        assert!(last.iter().zip(speed).all(|(value, wanted)| (*value as f32 - wanted).abs() < 1e-6));
     }
 }
 

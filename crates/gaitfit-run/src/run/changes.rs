@@ -38,12 +38,12 @@ fn at(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
     match (saved, wanted) {
         (Value::Table(saved), Value::Table(wanted)) => {
             for (key, value) in saved {
-                let found = match wanted.get(key) {
+                let difference = match wanted.get(key) {
                     Some(other) => at(&inner(key), value, other),
                     None => Some(format!("`{}` was {}, now it is not set", inner(key), shown(value))),
                 };
-                if found.is_some() {
-                    return found;
+                if difference.is_some() {
+                    return difference;
                 }
             }
             let (key, value) = wanted.iter().find(|(key, _)| !saved.contains_key(*key))?;
@@ -70,7 +70,7 @@ fn shown(value: &Value) -> String {
 mod tests {
     use super::*;
 
-    fn found(saved: &str, wanted: &str, free: &[&str]) -> Option<String> {
+    fn compare(saved: &str, wanted: &str, free: &[&str]) -> Option<String> {
         let table = |text: &str| bound(toml::from_str(text).unwrap(), free);
         difference(&table(saved), &table(wanted))
     }
@@ -78,25 +78,25 @@ mod tests {
     #[test]
     fn the_first_difference_is_named_wherever_it_lies() {
         let text = "a = 1\n[[p]]\nx = 0.5\n[[p]]\nx = 1.5\n[t]\ny = nan\n";
-        assert_eq!(found(text, text, &[]), None);
+        assert_eq!(compare(text, text, &[]), None);
         let changed = text.replace("x = 1.5", "x = 2.5");
-        assert_eq!(found(text, &changed, &[]).unwrap(), "`p.1.x` was 1.5, now it is 2.5");
+        assert_eq!(compare(text, &changed, &[]).unwrap(), "`p.1.x` was 1.5, now it is 2.5");
         let more = format!("{text}z = 3\n");
-        assert_eq!(found(text, &more, &[]).unwrap(), "`t.z` was not set, now it is 3");
-        assert_eq!(found(&more, text, &[]).unwrap(), "`t.z` was 3, now it is not set");
+        assert_eq!(compare(text, &more, &[]).unwrap(), "`t.z` was not set, now it is 3");
+        assert_eq!(compare(&more, text, &[]).unwrap(), "`t.z` was 3, now it is not set");
     }
 
     #[test]
     fn free_settings_do_not_count() {
         let text = "a = 1\n[t]\ny = 2\nz = 3\n";
         let changed = "a = 9\n[t]\ny = 8\nz = 3\n";
-        assert_eq!(found(text, changed, &["a", "t.y", "none.such"]), None);
-        assert_eq!(found(text, changed, &["a"]).unwrap(), "`t.y` was 2, now it is 8");
+        assert_eq!(compare(text, changed, &["a", "t.y", "none.such"]), None);
+        assert_eq!(compare(text, changed, &["a"]).unwrap(), "`t.y` was 2, now it is 8");
     }
 
     #[test]
     fn long_values_are_cut_and_control_characters_escaped() {
-        let found = found("a = \"x\"\n", &format!("a = \"\\u001b{}\"\n", "y".repeat(5000)), &[]).unwrap();
-        assert!(found.len() < 400 && !found.contains('\u{1b}'), "{found}");
+        let text = compare("a = \"x\"\n", &format!("a = \"\\u001b{}\"\n", "y".repeat(5000)), &[]).unwrap();
+        assert!(text.len() < 400 && !text.contains('\u{1b}'), "{text}");
     }
 }

@@ -93,9 +93,9 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// Files that are damaged.
     pub fn difference(&self) -> Result<Option<String>, Error> {
         if let Some(saved) = self.saved()? {
-            let found = difference(&bound(saved, self.free), &bound(self.settings.clone(), self.free));
-            if found.is_some() {
-                return Ok(found);
+            let difference = difference(&bound(saved, self.free), &bound(self.settings.clone(), self.free));
+            if difference.is_some() {
+                return Ok(difference);
             }
         }
         Ok(manifest::inputs(self.folder)?.and_then(|saved| self.changed(&saved)))

@@ -124,8 +124,8 @@ mod tests {
                 // What only new networks have.
                 let of_networks =
                     ["actor_hidden", "critic_hidden", "activation", "output_gain", "initial_std"];
-                let found = printed[&key].get(inner).is_some() || of_networks.contains(&inner.as_str());
-                assert!(found, "`{key}.{inner}` is missing");
+                let known = printed[&key].get(inner).is_some() || of_networks.contains(&inner.as_str());
+                assert!(known, "`{key}.{inner}` is missing");
             }
             assert!(printed.contains_key(&key), "`{key}` is missing");
         }

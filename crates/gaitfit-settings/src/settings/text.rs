@@ -66,9 +66,9 @@ mod tests {
 
     fn missing(path: &str, settings: &toml::Table, printed: &toml::Table) {
         for (key, value) in settings {
-            let found = printed.get(key).unwrap_or_else(|| panic!("`{path}{key}` is missing"));
-            if let (Some(inner), Some(found)) = (value.as_table(), found.as_table()) {
-                missing(&format!("{path}{key}."), inner, found);
+            let written = printed.get(key).unwrap_or_else(|| panic!("`{path}{key}` is missing"));
+            if let (Some(inner), Some(written)) = (value.as_table(), written.as_table()) {
+                missing(&format!("{path}{key}."), inner, written);
             }
         }
     }

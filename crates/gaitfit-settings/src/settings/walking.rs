@@ -114,9 +114,9 @@ mod tests {
 
     #[test]
     fn policy_and_logs_alone_give_the_walking_fit() {
-        let found = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
-        assert_eq!((found.base, found.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
-        let fitted: Vec<JointParameter> = found.parameter.iter().map(|rule| rule.kind).collect();
+        let settings = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
+        assert_eq!((settings.base, settings.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
+        let fitted: Vec<JointParameter> = settings.parameter.iter().map(|rule| rule.kind).collect();
         use JointParameter::{
             Armature, Damping, Delay, EncoderBias, FrictionLoss, KpScale, LoadFriction, TorqueScale,
         };
@@ -124,10 +124,10 @@ mod tests {
             fitted,
             [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale, KpScale, EncoderBias]
         );
-        let numbers: Vec<RobotNumber> = found.number.iter().map(|rule| rule.kind).collect();
+        let numbers: Vec<RobotNumber> = settings.number.iter().map(|rule| rule.kind).collect();
         assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass, RobotNumber::TorqueNoise]);
-        assert!(found.optimizer.patience > 0 && found.optimizer.population > 0);
-        assert_eq!(read("base = \"free\"\n").parameter, found.parameter);
+        assert!(settings.optimizer.patience > 0 && settings.optimizer.population > 0);
+        assert_eq!(read("base = \"free\"\n").parameter, settings.parameter);
         assert_eq!(read("base = \"fixed\"\npolicy = \"p\"\n").base, Base::Fixed, "what a file has stays");
     }
 

@@ -27,7 +27,7 @@ struct Card {
 }
 
 /// One group a signal that has any.
-pub(crate) fn build(all: &[SignalDistribution]) -> Vec<DistributionGroup> {
+pub(crate) fn build(distributions: &[SignalDistribution]) -> Vec<DistributionGroup> {
     let titled = [
         (Signal::Position, "Joint position"),
         (Signal::Velocity, "Joint velocity"),
@@ -36,7 +36,7 @@ pub(crate) fn build(all: &[SignalDistribution]) -> Vec<DistributionGroup> {
     titled
         .into_iter()
         .map(|(signal, title)| {
-            let of_signal = || all.iter().filter(|d| d.signal == signal);
+            let of_signal = || distributions.iter().filter(|d| d.signal == signal);
             DistributionGroup {
                 title,
                 unit: signal.unit(),

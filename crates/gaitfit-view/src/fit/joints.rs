@@ -31,8 +31,8 @@ struct TraceCard {
     checked: bool,
 }
 
-pub(super) fn build(all: &[JointTrace]) -> Traces {
-    let shown = &all[..all.len().min(MAX_JOINTS)];
+pub(super) fn build(joints: &[JointTrace]) -> Traces {
+    let shown = &joints[..joints.len().min(MAX_JOINTS)];
     let points = (POINT_BUDGET / (LINES_A_JOINT * shown.len().max(1))).clamp(60, 400);
     let mut cards: Vec<(f64, TraceCard)> = shown.iter().filter_map(|t| card(t, points)).collect();
     // The close look opens on the joint that is fitted worst.
@@ -42,7 +42,7 @@ pub(super) fn build(all: &[JointTrace]) -> Traces {
     if let Some((_, card)) = cards.get_mut(worst) {
         card.checked = true;
     }
-    Traces { cards: cards.into_iter().map(|(_, card)| card).collect(), left_out: all.len() - shown.len() }
+    Traces { cards: cards.into_iter().map(|(_, card)| card).collect(), left_out: joints.len() - shown.len() }
 }
 
 /// The joint's card with its fitted RMSE; `None` when there is nothing to draw.

@@ -76,10 +76,10 @@ impl Page {
 
 /// The caller's doubts, and that the fit is worse than nothing where the numbers say so.
 fn all_doubts(report: &FitReport) -> Vec<Doubt> {
-    let mut all = report.doubts.clone();
-    let known = all.iter().any(|doubt| doubt.kind == DoubtKind::WorseThanNominal);
+    let mut doubts = report.doubts.clone();
+    let known = doubts.iter().any(|doubt| doubt.kind == DoubtKind::WorseThanNominal);
     if !known && let Some(text) = scores::worse_than_nominal(report) {
-        all.push(Doubt::new(DoubtKind::WorseThanNominal, text));
+        doubts.push(Doubt::new(DoubtKind::WorseThanNominal, text));
     }
-    all
+    doubts
 }

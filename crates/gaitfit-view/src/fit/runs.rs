@@ -28,23 +28,23 @@ struct RunRow {
 }
 
 /// Charts of all runs with the cost before the fit as a line across, if it is known.
-pub(super) fn build(all: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
-    let runs = &all[..all.len().min(MAX_RUNS)];
-    if runs.is_empty() {
+pub(super) fn build(runs: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
+    let shown = &runs[..runs.len().min(MAX_RUNS)];
+    if shown.is_empty() {
         return None;
     }
-    let best: Vec<Vec<f64>> = runs.iter().map(|r| best_so_far(&r.best)).collect();
-    let means: Vec<String> = runs.iter().map(|r| format!("{}, generation's mean", r.label)).collect();
-    let longest = runs.iter().map(|r| r.mean.len().max(r.best.len()).max(r.sigma.len())).max().unwrap_or(0);
+    let best: Vec<Vec<f64>> = shown.iter().map(|r| best_so_far(&r.best)).collect();
+    let means: Vec<String> = shown.iter().map(|r| format!("{}, generation's mean", r.label)).collect();
+    let longest = shown.iter().map(|r| r.mean.len().max(r.best.len()).max(r.sigma.len())).max().unwrap_or(0);
     let x: Vec<f64> = (1..=longest).map(|i| i as f64).collect();
-    let faint = (0..runs.len()).map(|i| (&means[i], &runs[i].mean, Look::color(i).faint()));
-    let bold = (0..runs.len()).map(|i| (&runs[i].label, &best[i], Look::color(i)));
-    let sigmas = (0..runs.len()).map(|i| (&runs[i].label, &runs[i].sigma, Look::color(i)));
+    let faint = (0..shown.len()).map(|i| (&means[i], &shown[i].mean, Look::color(i).faint()));
+    let bold = (0..shown.len()).map(|i| (&shown[i].label, &best[i], Look::color(i)));
+    let sigmas = (0..shown.len()).map(|i| (&shown[i].label, &shown[i].sigma, Look::color(i)));
     let nominal = significant(nominal_cost, 4);
     let label = "nominal simulator".to_string();
     let before = vec![nominal_cost; longest];
     let across = nominal_cost.is_finite().then_some((&label, &before, Look::NOMINAL)).into_iter();
-    let rows = runs
+    let rows = shown
         .iter()
         .enumerate()
         .map(|(i, run)| RunRow {
@@ -59,8 +59,8 @@ pub(super) fn build(all: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,
         nominal: nominal_cost.is_finite().then_some(nominal),
-        total: all.len(),
-        left_out: all.len() - runs.len(),
+        total: runs.len(),
+        left_out: runs.len() - shown.len(),
     })
 }
 

@@ -104,11 +104,11 @@ enum Who {
 /// The cost as the scores have it, or else the first fit.
 fn cost(report: &FitReport, who: Who) -> f64 {
     let first = report.fits.first();
-    let (scored, found) = match who {
+    let (scored, fallback) = match who {
         Who::Fitted => (report.fitted.cost, first.map(|fit| fit.fitted_cost)),
         Who::Nominal => (report.nominal.cost, first.map(|fit| fit.nominal_cost)),
     };
-    if scored.is_finite() { scored } else { found.unwrap_or(f64::NAN) }
+    if scored.is_finite() { scored } else { fallback.unwrap_or(f64::NAN) }
 }
 
 /// What says that the nominal simulator is closer to the logs than the fitted one; `None` if it is not.

@@ -129,8 +129,8 @@ mod tests {
     #[test]
     fn quantiles_lie_between_the_samples() {
         let samples: Vec<f64> = (0..=1000).rev().map(f64::from).chain([f64::NAN]).collect();
-        let found = quantiles(&samples);
-        assert_eq!((found[0], found[STEPS / 2], found[STEPS]), (0.0, 500.0, 1000.0));
+        let values = quantiles(&samples);
+        assert_eq!((values[0], values[STEPS / 2], values[STEPS]), (0.0, 500.0, 1000.0));
         assert_eq!(quantiles(&[3.0]), [3.0; STEPS + 1]);
         let two = quantiles(&[1.0, 2.0]);
         assert!((two[STEPS / 4] - 1.25).abs() < 1e-12);

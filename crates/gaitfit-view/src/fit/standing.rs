@@ -67,12 +67,12 @@ fn wants_nothing(parameter: &Parameter) -> bool {
 
 /// How many parameters are so, and the first of their names; `None` if none is.
 fn names(parameters: &[Parameter], is_so: impl Fn(&Parameter) -> bool) -> Option<(usize, String)> {
-    let found: Vec<String> = parameters.iter().filter(|p| is_so(p)).map(|p| clean(&p.name)).collect();
-    let mut named = found[..found.len().min(NAMED)].join(", ");
-    if found.len() > NAMED {
-        named.push_str(&format!(" and {} more", found.len() - NAMED));
+    let names: Vec<String> = parameters.iter().filter(|p| is_so(p)).map(|p| clean(&p.name)).collect();
+    let mut named = names[..names.len().min(NAMED)].join(", ");
+    if names.len() > NAMED {
+        named.push_str(&format!(" and {} more", names.len() - NAMED));
     }
-    (!found.is_empty()).then_some((found.len(), named))
+    (!names.is_empty()).then_some((names.len(), named))
 }
 
 #[cfg(test)]

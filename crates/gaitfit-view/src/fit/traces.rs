@@ -46,8 +46,8 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let (measured, fitted) = (cut(&trace.measured), cut(&trace.fitted));
     let (nominal, target) = (cut(&trace.nominal), cut(&trace.target));
     let times = extent(time.iter().copied())?;
-    let all = measured.iter().chain(&fitted).chain(&nominal).chain(&target).copied();
-    let values = extent(all)?;
+    let positions = measured.iter().chain(&fitted).chain(&nominal).chain(&target).copied();
+    let values = extent(positions)?;
     let unit = if trace.slides { "m" } else { "rad" };
     let (position, error) = (format!("position ({unit})"), format!("simulated − measured ({unit})"));
 

@@ -93,7 +93,7 @@ pub(super) fn summary(set: &DriftTrials) -> (f64, f64) {
 
 fn column(set: &DriftTrials, cast: &Cast) -> Column {
     let (distance, yaw) = summary(set);
-    let sum = |of: fn(&Drift) -> u32| set.trials.iter().map(|t| u64::from(of(t))).sum::<u64>();
+    let sum = |count: fn(&Drift) -> u32| set.trials.iter().map(|t| u64::from(count(t))).sum::<u64>();
     Column {
         name: printed(&set.policy, UNKNOWN),
         color: cast.color(&set.policy),

@@ -46,10 +46,10 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
     let pair = |d: &&Difference| {
         d.policy == cast.after && d.against == cast.before && d.simulator == cast.target && d.paired
     };
-    let found = report.differences.iter().find(pair);
+    let difference = report.differences.iter().find(pair);
     let errors = COLUMNS.iter().filter(|q| q.is_error).map(|q| {
         let measured = |policy| tracked(policy).map(q.of);
-        let apart = found.map(|found| (q.difference)(found).ci95);
+        let apart = difference.map(|difference| (q.difference)(difference).ci95);
         number(q.name, q.unit, measured(cast.before).filter(|_| is_pair), measured(cast.after), apart)
     });
     let mean = drifted(cast.before).filter(|_| is_pair);

@@ -56,8 +56,8 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
         }
     }
     let cells = |joint: &str, signal: Signal| -> [Cell; 3] {
-        let found = distances(signal).find(|one| one.joint == joint);
-        let number = |get: fn(&JointDistance) -> f64| significant(found.map_or(f64::NAN, get), 2);
+        let distance = distances(signal).find(|one| one.joint == joint);
+        let number = |get: fn(&JointDistance) -> f64| significant(distance.map_or(f64::NAN, get), 2);
         [number(|one| one.nominal), number(|one| one.fitted), number(|one| one.floor)]
             .map(|text| Cell { text, first: false })
     };

@@ -52,7 +52,7 @@ pub(super) fn lines(report: &LoopReport) -> Vec<RoundLine> {
 fn line(round: &Round, index: usize) -> RoundLine {
     let fit = round.fits.first();
     let log = round.log.as_ref();
-    let cost = |of: fn(&Fit) -> f64| significant(fit.map_or(f64::NAN, of), 4);
+    let cost = |value: fn(&Fit) -> f64| significant(fit.map_or(f64::NAN, value), 4);
     let judged = || fit.iter().flat_map(|f| &f.parameters).filter_map(|p| p.identified);
     let generations = fit.iter().flat_map(|f| &f.runs).map(|r| r.best.len().max(r.mean.len())).max();
     RoundLine {

@@ -271,8 +271,8 @@ mod tests {
         assert_eq!(bytes.len(), 24);
         for (k, wanted) in heights.iter().enumerate() {
             let code = i16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]]);
-            let found = packed.offset + packed.scale * f64::from(code);
-            assert!((found - wanted).abs() < 1.1 / 65534.0, "{k}: {found}, not {wanted}");
+            let height = packed.offset + packed.scale * f64::from(code);
+            assert!((height - wanted).abs() < 1.1 / 65534.0, "{k}: {height}, not {wanted}");
         }
     }
 
@@ -305,8 +305,8 @@ mod tests {
             for (axis, wanted) in vertex.iter().enumerate() {
                 let at = 2 * (axis * vertices.len() + k);
                 let code = f64::from(i16::from_le_bytes([codes[at], codes[at + 1]]));
-                let found = packed.meshes[0].offset[axis] + packed.meshes[0].scale[axis] * code;
-                assert!((found - wanted).abs() < 5.0 / 65534.0, "{k}: {found}, not {wanted}");
+                let coordinate = packed.meshes[0].offset[axis] + packed.meshes[0].scale[axis] * code;
+                assert!((coordinate - wanted).abs() < 5.0 / 65534.0, "{k}: {coordinate}, not {wanted}");
             }
         }
     }

@@ -175,8 +175,8 @@ pub fn runs_html(report: &RunsReport) -> Result<String, ReportError> {
     page::render(include_str!("runs.html"), page)
 }
 
-fn last<T>(all: &[T], count: usize) -> &[T] {
-    &all[all.len().saturating_sub(count)..]
+fn last<T>(items: &[T], count: usize) -> &[T] {
+    &items[items.len().saturating_sub(count)..]
 }
 
 fn run(run: &Run) -> RunRow {
@@ -212,13 +212,13 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
     for (name, unit) in names {
         let same =
             |fit: &Fit| fit.parameters.iter().find(|one| one.name == name && one.unit == unit).cloned();
-        let found: Vec<Option<Parameter>> = fits.iter().map(same).collect();
+        let estimates: Vec<Option<Parameter>> = fits.iter().map(same).collect();
         let mark = |(number, one): (usize, &Option<Parameter>)| {
             let one = one.as_ref()?;
             Some(Mark { value: one.value, spread: half(one), runs: Vec::new(), look: Look::color(number) })
         };
-        let marks: Vec<Mark> = found.iter().enumerate().filter_map(mark).collect();
-        let apart = apart(&found);
+        let marks: Vec<Mark> = estimates.iter().enumerate().filter_map(mark).collect();
+        let apart = apart(&estimates);
         let text = match apart {
             Some(true) => "differ",
             Some(false) => "agree",
@@ -239,7 +239,7 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
                 (value, half) => format!("{value} ± {half}"),
             },
         };
-        let cells = found.iter().map(cell).collect();
+        let cells = estimates.iter().map(cell).collect();
         rows.push(ParameterRow { name: clean(name), unit: clean(unit), cells });
     }
     (group(entries), rows)
@@ -252,8 +252,8 @@ fn axis(name: &str, unit: &str) -> String {
 }
 
 /// Whether two of the fits' intervals do not overlap; `None` of fewer than two intervals.
-fn apart(found: &[Option<Parameter>]) -> Option<bool> {
-    let intervals: Vec<[f64; 2]> = found.iter().flatten().filter_map(|one| one.interval).collect();
+fn apart(estimates: &[Option<Parameter>]) -> Option<bool> {
+    let intervals: Vec<[f64; 2]> = estimates.iter().flatten().filter_map(|one| one.interval).collect();
     let low = intervals.iter().map(|[low, _]| *low).fold(f64::NEG_INFINITY, f64::max);
     let high = intervals.iter().map(|[_, high]| *high).fold(f64::INFINITY, f64::min);
     (intervals.len() > 1).then_some(low > high)

@@ -117,15 +117,15 @@ fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> Mean {
         .filter(|(_, y)| y.is_finite())
         .collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut found = Mean { x: Vec::new(), y: Vec::new(), low: Vec::new(), high: Vec::new() };
+    let mut mean = Mean { x: Vec::new(), y: Vec::new(), low: Vec::new(), high: Vec::new() };
     for same in points.chunk_by(|a, b| a.0 == b.0) {
         let values = || same.iter().map(|(_, y)| *y);
-        found.x.push(same[0].0);
-        found.y.push(values().sum::<f64>() / same.len() as f64);
-        found.low.push(values().fold(f64::INFINITY, f64::min));
-        found.high.push(values().fold(f64::NEG_INFINITY, f64::max));
+        mean.x.push(same[0].0);
+        mean.y.push(values().sum::<f64>() / same.len() as f64);
+        mean.low.push(values().fold(f64::INFINITY, f64::min));
+        mean.high.push(values().fold(f64::NEG_INFINITY, f64::max));
     }
-    found
+    mean
 }
 
 #[cfg(test)]
@@ -135,13 +135,13 @@ mod tests {
     #[test]
     fn the_mean_is_of_the_seeds_that_are_there() {
         let track = |x: &[f64], y: &[f64]| (0, String::new(), x.to_vec(), y.to_vec());
-        let found = mean(&[
+        let mean = mean(&[
             track(&[0.0, 1.0, 2.0], &[1.0, f64::NAN, 5.0]),
             track(&[0.0, 1.0], &[3.0, 4.0]),
             track(&[], &[]),
         ]);
-        assert_eq!(found.x, [0.0, 1.0, 2.0]);
-        assert_eq!(found.y, [2.0, 4.0, 5.0]);
-        assert_eq!((found.low[0], found.high[0]), (1.0, 3.0));
+        assert_eq!(mean.x, [0.0, 1.0, 2.0]);
+        assert_eq!(mean.y, [2.0, 4.0, 5.0]);
+        assert_eq!((mean.low[0], mean.high[0]), (1.0, 3.0));
     }
 }

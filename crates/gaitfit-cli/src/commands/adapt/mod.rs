@@ -70,7 +70,7 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
 
 /// Whether a policy can be trained further, as far as its file can be read.
 fn is_trainable(policy: &Path) -> bool {
-    let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
+    let path = gaitfit::policy_file::find(policy).map(|file| file.path).ok();
     let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
     policy.is_none_or(|policy| policy.untrainable().is_none())
 }
@@ -78,7 +78,7 @@ fn is_trainable(policy: &Path) -> bool {
 /// The option that names `robot`, if a configuration does, for a command on a policy that does not remember its robot file.
 pub fn robot_option(policy: &Path, robot: &str) -> String {
     let remembers = || {
-        let path = gaitfit::policy_file::find(policy).map(|found| found.path).ok();
+        let path = gaitfit::policy_file::find(policy).map(|file| file.path).ok();
         let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
         policy.is_some_and(|policy| policy.provenance.robot_file.is_some())
     };

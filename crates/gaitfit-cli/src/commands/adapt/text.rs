@@ -38,8 +38,8 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     if !results.validation.is_empty() {
         let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
     }
-    if let Some(found) = results.swings.as_ref().filter(|found| found.swings.is_some()) {
-        let _ = writeln!(text, "\n{}", swings::text(found, &results.causes, &results.beside_swings));
+    if let Some(findings) = results.swings.as_ref().filter(|findings| findings.swings.is_some()) {
+        let _ = writeln!(text, "\n{}", swings::text(findings, &results.causes, &results.beside_swings));
     }
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "\nnot fitted: {}", held.sentence());
@@ -116,31 +116,31 @@ fn parameters(fit: &CostFit) -> Table {
     let count = fit.parameters.len();
     let shown = if count <= MAX_SHOWN { count } else { FEW };
     for parameter in &fit.parameters[..shown] {
-        let found = &parameter.found;
+        let estimate = &parameter.found;
         let interval = parameter.interval.map(|[lower, upper]| format!("{lower:.4} … {upper:.4}"));
         let mut row = vec![
-            found.name.clone(),
-            format!("{:.4}", found.value),
+            estimate.name.clone(),
+            format!("{:.4}", estimate.value),
             half(parameter.half()),
             interval.unwrap_or_else(|| "–".to_owned()),
-            found.unit.clone(),
-            format!("[{}, {}]", found.lower, found.upper),
+            estimate.unit.clone(),
+            format!("[{}, {}]", estimate.lower, estimate.upper),
         ];
         if known {
             row.push(parameter.truth.map_or_else(String::new, |truth| format!("{truth:.4}")));
             let error = parameter.truth.filter(|truth| *truth != 0.0);
-            let error = error.map(|truth| 100.0 * (found.value / truth - 1.0));
+            let error = error.map(|truth| 100.0 * (estimate.value / truth - 1.0));
             row.push(error.map_or_else(String::new, |error| format!("{error:+.2} %")));
         }
         if published {
             row.push(parameter.published.map_or_else(String::new, |[low, high]| format!("{low} – {high}")));
         }
         if corrected {
-            row.push(found.uncorrected.map_or_else(String::new, |found| format!("{found:.4}")));
+            row.push(estimate.uncorrected.map_or_else(String::new, |value| format!("{value:.4}")));
         }
         row.push(match parameter.identified {
             Some(false) => "not identified".to_owned(),
-            _ if found.at_bound => "at its bound".to_owned(),
+            _ if estimate.at_bound => "at its bound".to_owned(),
             _ => String::new(),
         });
         table.add_row(row);

@@ -66,8 +66,8 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     };
     output::note(&settings.device.line());
     interrupt::listen()?;
-    let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = found;
+    let evaluated = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
+    let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = evaluated;
     let evaluation = &measured.evaluation;
     let verdict = verdict.as_ref();
     if evaluation.motion_error.is_some() && args.drift.is_some_and(|robots| robots > 0) {

@@ -107,10 +107,10 @@ fn evaluate(
     for row in 0..rows {
         let columns = |width: usize| row * width..(row + 1) * width;
         let (q, v, u) = (columns(nq), columns(nv), columns(nu));
-        let found = forward
+        let result = forward
             .evaluate(&qpos.values[q], &qvel.values[v], &ctrl.values[u])
             .map_err(|error| (row, error))?;
-        let parts = [found.mass, found.qfrc_bias, found.qacc, found.next_qpos, found.next_qvel];
+        let parts = [result.mass, result.qfrc_bias, result.qacc, result.next_qpos, result.next_qvel];
         for ((_, array), part) in out.iter_mut().zip(parts) {
             array.values.extend(part);
         }

@@ -47,16 +47,16 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| {
         Failure::failed(format!("{shown}: no .npz archive ({error}); write it with numpy.savez"))
     })?;
-    let found: Vec<String> =
+    let stored: Vec<String> =
         archive.file_names().flatten().map(|name| name.trim_end_matches(".npy").to_owned()).collect();
     let mut arrays = Vec::with_capacity(names.len());
     for name in names {
         let entry = match archive.by_name(&format!("{name}.npy")) {
             Ok(entry) => entry,
             Err(ZipError::FileNotFound) => {
-                let found = found.join(", ");
+                let stored = stored.join(", ");
                 return Err(Failure::failed(format!(
-                    "{shown}: there is no array `{name}`; it holds {found}"
+                    "{shown}: there is no array `{name}`; it holds {stored}"
                 )));
             }
             Err(error) => return Err(Failure::failed(format!("{shown}: cannot read `{name}`: {error}"))),

@@ -212,8 +212,8 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<Judged, F
 
 /// A guess's gains in words; empty if it has none.
 fn gains(look: &Look) -> String {
-    let found = look.guesses.iter().find(|guess| guess.what == "gains");
-    found.map(|guess| guess.found.clone()).unwrap_or_default()
+    let gains = look.guesses.iter().find(|guess| guess.what == "gains");
+    gains.map(|guess| guess.found.clone()).unwrap_or_default()
 }
 
 /// The message if no policy walks, with what to do. `written`: the configuration's file.

@@ -67,15 +67,15 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let swings =
         watched(swings::LINES, |watch| swings::look(args.robot.as_deref(), args.lenient, &[&log], watch))?;
     let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
-    let other = policy.as_ref().is_some_and(|found| found.is_other);
+    let other = policy.as_ref().is_some_and(|comparison| comparison.is_other);
     if args.json {
         let without_simulation = swings;
         output::print_json(&Document { summary: &summary, findings: &findings, without_simulation, policy })?;
     } else {
         output::print(&text(&log, &summary, &findings, model.as_ref()))?;
         swings::print(swings.as_ref())?;
-        if let Some(found) = &policy {
-            output::print(&policy_text(found))?;
+        if let Some(comparison) = &policy {
+            output::print(&policy_text(comparison))?;
         }
         if !other && findings.iter().all(|finding| finding.severity != Severity::Error) {
             output::next(&[next(args, &log)])?;
@@ -117,20 +117,21 @@ fn walked(args: &Inspect, path: &Path) -> Result<LogMatch, Failure> {
     Ok(match_log(&policy, &path.display().to_string(), &model, &args.file)?)
 }
 
-fn policy_text(found: &LogMatch) -> String {
+fn policy_text(comparison: &LogMatch) -> String {
     // What a log lacks of the base's motion is chosen so that the actions fit best.
-    let chosen = if found.policy_match.exact { "" } else { ", unmeasured base motion chosen in its favour" };
-    let mut text = match found.policy_match.is_enough() {
+    let chosen =
+        if comparison.policy_match.exact { "" } else { ", unmeasured base motion chosen in its favour" };
+    let mut text = match comparison.policy_match.is_enough() {
         true => format!(
             "\npolicy: its actions differ from the logged ones by {:.3} of their spread over {} samples{chosen}\n",
-            found.policy_match.mismatch, found.policy_match.samples
+            comparison.policy_match.mismatch, comparison.policy_match.samples
         ),
         false => "\npolicy: its actions cannot be compared with the logged ones\n".to_owned(),
     };
-    for doubt in found.doubts.iter().chain(&found.notes) {
+    for doubt in comparison.doubts.iter().chain(&comparison.notes) {
         let _ = writeln!(text, "  {doubt}");
     }
-    if let Some(diagnosis) = &found.diagnosis {
+    if let Some(diagnosis) = &comparison.diagnosis {
         let _ = writeln!(text, "  {}.", diagnosis.text());
     }
     text

@@ -104,9 +104,9 @@ pub fn usable(summary: &FolderSummary) -> Vec<Trajectory> {
 }
 
 /// Prints the tables.
-pub fn print(found: Option<&SwingFindings>) -> Result<(), Failure> {
-    match found {
-        Some(found) => output::print(&format!("\n{}\n", swings::text(found, &causes(found), &[]))),
+pub fn print(findings: Option<&SwingFindings>) -> Result<(), Failure> {
+    match findings {
+        Some(findings) => output::print(&format!("\n{}\n", swings::text(findings, &causes(findings), &[]))),
         None => Ok(()),
     }
 }

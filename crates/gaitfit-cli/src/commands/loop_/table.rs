@@ -14,8 +14,8 @@ pub fn text(results: &Results) -> String {
         let _ = writeln!(text, "{}: {}\n", absent.kind.headline().to_uppercase(), absent.text);
     }
     let divergence = results.divergence();
-    if let Some(found) = &divergence {
-        let _ = writeln!(text, "DIVERGED: {found}.\n");
+    if let Some(sentence) = &divergence {
+        let _ = writeln!(text, "DIVERGED: {sentence}.\n");
     }
     for doubt in &results.doubts {
         let _ = writeln!(text, "{}: {}\n", doubt.kind.headline().to_uppercase(), doubt.text);
@@ -85,8 +85,9 @@ pub fn text(results: &Results) -> String {
 /// The fitted simulator's prediction for both policies, compared with the robot.
 fn promise(results: &Results) -> Option<String> {
     let error = |on: &str, policy: &str| {
-        let found = results.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy)?;
-        let mean = found.evaluation.linear_velocity_error.mean;
+        let measured =
+            results.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy)?;
+        let mean = measured.evaluation.linear_velocity_error.mean;
         mean.is_finite().then_some(mean)
     };
     let pair = |on: &str| Some((error(on, &results.before)?, error(on, &results.after)?));
@@ -103,20 +104,20 @@ fn promise(results: &Results) -> Option<String> {
 
 /// Names of where policies were measured, the target's first.
 fn places(results: &Results) -> Vec<&str> {
-    let mut found: Vec<&str> = Vec::new();
+    let mut places: Vec<&str> = Vec::new();
     let on_target = results.evaluations.iter().filter(|one| one.on == TARGET);
     for one in on_target.chain(&results.evaluations) {
-        if !found.contains(&one.on.as_str()) {
-            found.push(&one.on);
+        if !places.contains(&one.on.as_str()) {
+            places.push(&one.on);
         }
     }
-    found
+    places
 }
 
 /// The meaning of such a name, and how much was measured there.
 fn place(results: &Results, name: &str) -> Option<String> {
-    let found = results.evaluations.iter().find(|one| one.on == name)?;
-    let Evaluation { simulator, trajectories, seconds, .. } = &found.evaluation;
+    let measured = results.evaluations.iter().find(|one| one.on == name)?;
+    let Evaluation { simulator, trajectories, seconds, .. } = &measured.evaluation;
     let stands_for = if simulator.is_empty() { results.target.as_deref()? } else { simulator };
     let length = if *seconds > 0.0 { format!(" of {seconds} s") } else { String::new() };
     Some(format!("{name}: {stands_for}, {trajectories} trajectories{length}"))
@@ -130,14 +131,15 @@ fn tracking(results: &Results) -> comfy_table::Table {
     // One place after the other, the target first: what is to be compared stands together.
     evaluations.sort_by_key(|one| places.iter().position(|place| *place == one.on));
     for one in evaluations {
-        let found = &one.evaluation;
-        let falls = Estimate { mean: 100.0 * found.fall_rate.mean, ci95: 100.0 * found.fall_rate.ci95 };
+        let evaluation = &one.evaluation;
+        let falls =
+            Estimate { mean: 100.0 * evaluation.fall_rate.mean, ci95: 100.0 * evaluation.fall_rate.ci95 };
         rows.add_row([
             one.on.clone(),
-            found.policy.clone(),
-            shown(found.linear_velocity_error, 4),
-            shown(found.angular_velocity_error, 4),
-            shown(found.reward, 3),
+            evaluation.policy.clone(),
+            shown(evaluation.linear_velocity_error, 4),
+            shown(evaluation.angular_velocity_error, 4),
+            shown(evaluation.reward, 3),
             shown(falls, 2),
         ]);
     }
@@ -185,7 +187,7 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
         [results.before.as_str(), results.after.as_str(), RANDOMISED, REFERENCE]
             .into_iter()
             .filter_map(|policy| Some((policy, results.measured(policy, on)?)))
-            .filter(|(_, found)| !found.drift.is_empty())
+            .filter(|(_, evaluation)| !evaluation.drift.is_empty())
             .collect();
     let (_, first) = columns.first()?;
     let mut header = vec!["command"];
@@ -193,8 +195,8 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
     let mut rows = table(&header, &(1..=columns.len()).collect::<Vec<_>>());
     for (index, trial) in first.drift.iter().enumerate() {
         let mut row = vec![trial.label()];
-        for (_, found) in &columns {
-            row.push(found.drift.get(index).map_or_else(String::new, |trial| {
+        for (_, evaluation) in &columns {
+            row.push(evaluation.drift.get(index).map_or_else(String::new, |trial| {
                 let distance = trial.distance();
                 if distance.is_nan() {
                     return "all fell".to_owned();
@@ -205,8 +207,8 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
         rows.add_row(row);
     }
     let mut row = vec!["mean".to_owned()];
-    row.extend(columns.iter().map(|(_, found)| {
-        let (distance, yaw) = mean_drift(found);
+    row.extend(columns.iter().map(|(_, evaluation)| {
+        let (distance, yaw) = mean_drift(evaluation);
         if distance.is_nan() { "all fell".to_owned() } else { format!("{distance:.3} m  {yaw:.3} rad") }
     }));
     rows.add_row(row);
@@ -214,10 +216,10 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
 }
 
 /// Mean distance, m, and mean size of the turn, rad, over the commands under which any robot stood to the end.
-fn mean_drift(found: &Evaluation) -> (f64, f64) {
-    let standing: Vec<_> = found.drift.iter().filter(|trial| !trial.distance().is_nan()).collect();
-    let mean = |of: fn(&DriftResult) -> f64| {
-        standing.iter().map(|trial| of(trial)).sum::<f64>() / standing.len() as f64
+fn mean_drift(evaluation: &Evaluation) -> (f64, f64) {
+    let standing: Vec<_> = evaluation.drift.iter().filter(|trial| !trial.distance().is_nan()).collect();
+    let mean = |part: fn(&DriftResult) -> f64| {
+        standing.iter().map(|trial| part(trial)).sum::<f64>() / standing.len() as f64
     };
     (mean(DriftResult::distance), mean(|trial| trial.yaw.mean.abs()))
 }

@@ -99,9 +99,9 @@ fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> S
 
 /// Joint groups that a fit has by itself, if they cover all joints of the robot.
 fn groups(robot: &Robot) -> Option<[&'static str; 3]> {
-    let all = ["hip", "thigh", "calf"];
-    let covered = |joint: &str| all.iter().any(|group| joint.ends_with(&format!("_{group}")));
-    robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(all)
+    let groups = ["hip", "thigh", "calf"];
+    let covered = |joint: &str| groups.iter().any(|group| joint.ends_with(&format!("_{group}")));
+    robot.motors.iter().all(|motor| covered(&motor.joint)).then_some(groups)
 }
 
 /// The fitted parameters: friction, armature, damping and the delay.
@@ -139,14 +139,15 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
         let kinds: [(&str, Number); 2] =
             [("frictionloss", |one| one.friction), ("armature", |one| one.armature)];
         for (kind, number) in kinds {
-            let found: Vec<Measured> = moved.joints.iter().filter(of_group).filter_map(number).collect();
-            if found.is_empty() {
+            let estimates: Vec<Measured> = moved.joints.iter().filter(of_group).filter_map(number).collect();
+            if estimates.is_empty() {
                 continue;
             }
-            let count = found.len() as f64;
-            let mean = found.iter().map(|one| one.value).sum::<f64>() / count;
+            let count = estimates.len() as f64;
+            let mean = estimates.iter().map(|one| one.value).sum::<f64>() / count;
             let scatter =
-                found.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>() / count;
+                estimates.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>()
+                    / count;
             put(&format!("{kind}_{name}"), mean, scatter.sqrt().max(ROUGH * mean.abs()).max(0.001));
         }
     }

@@ -87,8 +87,8 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
     let mut reports = Vec::new();
     if args.tilt && !heard.is_empty() {
         let turns = tilt(&mut *link, &mut Beat::default(), &mut ask, &stop).map_err(failed)?;
-        let (found, mounted, more) = tilted(&turns);
-        reports = found;
+        let (axes, mounted, more) = tilted(&turns);
+        reports = axes;
         // Turns show all three axes, gravity two.
         if reports.len() == 3 {
             mounting = mounted;

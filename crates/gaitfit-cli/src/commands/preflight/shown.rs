@@ -68,12 +68,12 @@ pub fn text(args: &Preflight, document: &Document) -> String {
     text
 }
 
-fn joints(all: &[JointReport]) -> String {
+fn joints(reports: &[JointReport]) -> String {
     let mut rows = table(
         &["joint", "angle rad", "room rad", "moved", "step", "dq noise", "°C", ""],
         &[1, 2, 3, 4, 5, 6],
     );
-    for one in all {
+    for one in reports {
         rows.add_row([
             one.joint.clone(),
             with_decimals(one.angle, 3),

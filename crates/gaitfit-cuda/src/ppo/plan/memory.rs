@@ -113,18 +113,18 @@ pub(in crate::ppo) fn check_shared(shapes: &[RecurrentShape; 2], available: usiz
 
 /// Where each parameter lies in the copy with every matrix transposed.
 pub(in crate::ppo) fn turns(shapes: &[RecurrentShape; 2]) -> Vec<u32> {
-    let mut all = Vec::new();
+    let mut places = Vec::new();
     for shape in shapes {
-        let offset = all.len();
+        let offset = places.len();
         for layer in shape.layers() {
             let wide = shape.cell.gates() * layer.hidden;
             for (range, inputs) in layer.parts.into_iter().zip([layer.inputs, layer.hidden, 1, 1]) {
                 let begin = offset + range.start;
-                all.extend((0..range.len()).map(|k| (begin + k % wide * inputs + k / wide) as u32));
+                places.extend((0..range.len()).map(|k| (begin + k % wide * inputs + k / wide) as u32));
             }
         }
     }
-    all
+    places
 }
 
 impl Memory {
@@ -248,16 +248,18 @@ impl Memory {
 
     /// Both memories over step `step` of a rollout, which they remember; before its first step what they remember is kept.
     pub(super) fn step(&self, step: usize) -> Vec<Launch> {
-        let mut all = Vec::new();
+        let mut launches = Vec::new();
         for net in &self.nets {
             let count = self.environments * net.shape.remembered();
             if step == 0 {
                 let shape = Shape::new(count.div_ceil(1024).clamp(1, 1024) as u32, THREADS);
-                all.push(launch("memory_copy", shape, &[word(count), net.state, net.start]));
+                launches.push(launch("memory_copy", shape, &[word(count), net.state, net.start]));
             }
-            all.extend(self.layers(net, &self.once(net, net.observation, step * self.environments, 0, true)));
+            launches.extend(
+                self.layers(net, &self.once(net, net.observation, step * self.environments, 0, true)),
+            );
         }
-        all
+        launches
     }
 
     /// The critic's memory over the states that its caller observed, from row `part · environments` on, and two places of

@@ -117,10 +117,10 @@ fn moved_one(kind: Kind, seed: u64) -> (Vec<JointMotion>, Vec<Finding>) {
     let flight = Flight::new(&robot, robot.guard(Duration::from_millis(2)));
     let mut link = Aged::new(&robot, kind, seed);
     let flown = fly(&mut link, &mut Given::default(), flight, &mut |_| {}, &|| None).unwrap();
-    let (found, mut findings) = moved(&flown, &sampled(&flown), &robot, None);
-    assert_eq!(found.reason, None, "{kind:?}");
+    let (motion, mut findings) = moved(&flown, &sampled(&flown), &robot, None);
+    assert_eq!(motion.reason, None, "{kind:?}");
     findings.retain(|one| one.check == Check::Gains);
-    (found.joints, findings)
+    (motion.joints, findings)
 }
 
 /// Whether the gain `truth` of a joint is possible, to 1 %.

@@ -20,14 +20,14 @@ fn seeds() -> u64 {
 #[test]
 fn a_sound_robot_gives_no_finding_when_listened_to() {
     for seed in 0..3 * seeds() {
-        let (found, findings) = listened(Fault::None, sways, seed);
+        let (report, findings) = listened(Fault::None, sways, seed);
         assert!(findings.is_empty(), "{seed}: {findings:?}");
-        let network = &found.network;
+        let network = &report.network;
         assert!((network.hz - 500.0).abs() < 2.0 && network.lost == Some(0), "{network:?}");
-        let unit = found.imu.unwrap();
+        let unit = report.imu.unwrap();
         assert!(unit.apart.unwrap() < 1.0 && (unit.gravity.value - 9.81).abs() < 0.02, "{unit:?}");
         assert!(unit.gyro_bias.iter().all(|bias| bias.value.abs() < 0.004), "{unit:?}");
-        assert!(found.joints.iter().all(|joint| (joint.step - 1e-4).abs() < 2e-5), "{:?}", found.joints[0]);
+        assert!(report.joints.iter().all(|joint| (joint.step - 1e-4).abs() < 2e-5), "{:?}", report.joints[0]);
     }
 }
 
@@ -71,8 +71,8 @@ fn mountings_that_gravity_shows_are_stated_as_a_log_takes_them() {
     for degrees in
         [[180.0, 0.0, 0.0], [90.0, 0.0, 0.0], [-90.0, 0.0, 0.0], [0.0, 90.0, 0.0], [0.0, -90.0, 0.0]]
     {
-        let (found, _) = listened(Fault::Mounted(degrees), sways, 1);
-        let [roll, pitch, _] = found.imu.unwrap().mounting.unwrap();
+        let (report, _) = listened(Fault::Mounted(degrees), sways, 1);
+        let [roll, pitch, _] = report.imu.unwrap().mounting.unwrap();
         if degrees[1] == 0.0 {
             assert_eq!([roll, pitch], [degrees[0], 0.0]);
         } else {

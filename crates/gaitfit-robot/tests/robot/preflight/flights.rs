@@ -16,8 +16,8 @@ fn names(findings: &[Finding]) -> Vec<(Check, &str)> {
 
 /// Whether a fault is named with its joint, or one of them: by listening, or else by the motion.
 fn is_named(fault: Fault, (check, joints): (Check, &str), seed: u64) -> bool {
-    let named = |found: Vec<(Check, &str)>| {
-        found.iter().any(|(found, joint)| *found == check && joints.split(' ').any(|one| one == *joint))
+    let named = |faults: Vec<(Check, &str)>| {
+        faults.iter().any(|(kind, joint)| *kind == check && joints.split(' ').any(|one| one == *joint))
     };
     let (_, heard) = listened(fault, sways, seed);
     if heard.iter().any(|one| one.severity == Severity::Fault) {
@@ -25,8 +25,8 @@ fn is_named(fault: Fault, (check, joints): (Check, &str), seed: u64) -> bool {
         println!("{fault:?} {seed}: by listening {:?}", names(&heard));
         return named(names(&heard));
     }
-    let (found, findings) = flown(fault, seed).unwrap();
-    println!("{fault:?} {seed}: {:?} {:?} {:?}", found.reason, names(&findings), found.delay);
+    let (moved, findings) = flown(fault, seed).unwrap();
+    println!("{fault:?} {seed}: {:?} {:?} {:?}", moved.reason, names(&findings), moved.delay);
     named(names(&findings))
 }
 
@@ -56,14 +56,14 @@ fn good_messages_do_not_take_back_a_second_controller() {
 
 #[test]
 fn a_sound_robot_moves_without_a_finding_and_shows_its_numbers() {
-    let (found, findings) = flown(Fault::None, 0).unwrap();
+    let (moved, findings) = flown(Fault::None, 0).unwrap();
     assert!(findings.is_empty(), "{findings:?}");
-    assert_eq!((found.reason, found.joints.len(), found.changed), (None, 12, 0));
+    assert_eq!((moved.reason, moved.joints.len(), moved.changed), (None, 12, 0));
     // The motors' controllers look once a millisecond and hold their torque; noise of the velocities adds to it.
-    let delay = found.delay.unwrap();
+    let delay = moved.delay.unwrap();
     assert!((delay.value - 0.0015).abs() < 0.001, "{delay:?}");
-    println!("{delay:?} {:?}", found.torque_delay);
-    for one in &found.joints {
+    println!("{delay:?} {:?}", moved.torque_delay);
+    for one in &moved.joints {
         println!("{one:?}");
         let truth = if one.joint.ends_with("calf") {
             0.6
