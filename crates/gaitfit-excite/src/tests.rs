@@ -99,6 +99,23 @@ fn one_limb_moves_at_a_time() {
 }
 
 #[test]
+fn joints_that_follow_others_are_not_moved() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = folder.path().join("coupled.xml");
+    let go2 = std::fs::read_to_string(short().robot).unwrap();
+    let coupling = "<equality><joint joint1=\"RR_calf_joint\" joint2=\"FL_calf_joint\"/></equality></mujoco>";
+    std::fs::write(&robot, go2.replace("</mujoco>", coupling)).unwrap();
+    let settings = ChirpSettings { robot, ..short() };
+    let body = Body::read(&settings).unwrap();
+    assert!(body.notes.iter().any(|note| note.contains("follow others: RR_calf_joint")), "{:?}", body.notes);
+    let chirp = make(&settings).unwrap();
+    assert_eq!(chirp.joints.len(), 11);
+    let named = ChirpSettings { joints: vec!["*_calf_joint".into()], ..settings };
+    let error = make(&named).unwrap_err().to_string();
+    assert!(error.contains("RR_calf_joint follows another joint"), "{error}");
+}
+
+#[test]
 fn bad_inputs_are_refused_by_name() {
     let gains = Some(PerJoint::All(f64::NAN));
     let cases: Vec<(ChirpSettings, &str)> = vec![

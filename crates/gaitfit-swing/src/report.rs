@@ -210,4 +210,17 @@ mod tests {
         assert_eq!(group_name("left_hip_pitch"), "hip_pitch");
         assert_eq!(group_name("R"), "R");
     }
+
+    #[test]
+    fn coupled_joints_are_in_no_group() {
+        let mut model = gaitfit_model::builtin::go2().unwrap();
+        model.couplings.push(gaitfit_model::Coupling {
+            follower: 5,
+            leader: Some(2),
+            polynomial: [0.0, 1.0, 0.0, 0.0, 0.0],
+            solref: [0.02, 1.0],
+            solimp: [0.9, 0.95, 0.001, 0.5, 2.0],
+        });
+        assert_eq!(usual_groups(&model)[2].1, [8, 11]);
+    }
 }
