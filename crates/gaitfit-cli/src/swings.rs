@@ -15,17 +15,7 @@ pub fn text(findings: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> St
     for sentence in &findings.taken_out {
         let _ = writeln!(text, "corrected before the legs were examined: {sentence}");
     }
-    if !findings.slides.is_empty() {
-        let names = findings.slides.join(", ");
-        let _ = writeln!(
-            text,
-            "estimates from legs in the air are only for hinges; they leave out these slides: {names}"
-        );
-    }
-    if !findings.coupled.is_empty() {
-        let names = findings.coupled.join(", ");
-        let _ = writeln!(text, "estimates from legs in the air leave out these coupled joints: {names}");
-    }
+    text += &left_out(findings);
     match (findings.best(), &findings.why_not) {
         (Some(report), _) => joints(&mut text, findings, report, beside),
         (None, Some(why)) => {
@@ -40,6 +30,16 @@ pub fn text(findings: &SwingFindings, causes: &[Cause], beside: &[Beside]) -> St
         let _ = write!(text, "\n{}", self::causes(causes));
     }
     text.trim_end().to_owned()
+}
+
+/// The joints that estimates from legs in the air leave out; empty if there are none.
+pub fn left_out(findings: &SwingFindings) -> String {
+    let line = |joints: &[String], what: &str| match joints {
+        [] => String::new(),
+        joints => format!("estimates from legs in the air {what}: {}\n", joints.join(", ")),
+    };
+    line(&findings.slides, "are only for hinges; they leave out these slides")
+        + &line(&findings.coupled, "leave out these coupled joints")
 }
 
 /// The effects that the robot has and its model lacks, one line for each.
@@ -139,4 +139,17 @@ fn joints(text: &mut String, findings: &SwingFindings, report: &SwingReport, bes
         ]);
     }
     let _ = writeln!(text, "\n{rows}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_that_are_left_out_are_named() {
+        assert_eq!(left_out(&SwingFindings::default()), "");
+        let coupled = vec!["left_knee".to_owned(), "right_knee".to_owned()];
+        let text = left_out(&SwingFindings { coupled, ..SwingFindings::default() });
+        assert!(text.contains("coupled joints: left_knee, right_knee"), "{text}");
+    }
 }

@@ -213,8 +213,9 @@ pub fn run(args: &Explain) -> Result<(), Failure> {
         return output::print_json(&looked.document(input, &causes));
     }
     output::print(&format!(
-        "{}{}{}",
+        "{}{}{}{}",
         swings::causes(&causes),
+        swings::left_out(&looked.findings),
         looked.line(&args.logs),
         looked.comparison(input)
     ))
