@@ -8,7 +8,7 @@ robot's messages. Both get the same random states: joints within 0.3 rad of the 
 
 Usage: python tools/check_unitree_rl_lab.py CHECKOUT ONNXRUNTIME [FOLDER...] [--steps N] [--include FOLDER...] [--out FOLDER]
 CHECKOUT is a clone of unitree_rl_lab, ONNXRUNTIME a folder with include/ and lib/ as its releases have, FOLDER a policy with
-exported/policy.onnx and params/deploy.yaml. By default those of the checkout and of gaitfit's tests are taken.
+exported/policy.onnx and params/deploy.yaml. Without FOLDER it runs the policies in the checkout and those of gaitfit's tests.
 The program reads no names of joints: the trainer's lists of them are taken from its Python source.
 Later versions of the program take headers from Unitree's C++ SDK: --include names its folder.
 With --out the steps of the policies of gaitfit's tests are written for these tests.

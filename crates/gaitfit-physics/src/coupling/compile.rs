@@ -8,11 +8,11 @@ use crate::softness::{impedance, reference};
 use crate::tree::{Coupling, Link, Reference, SEGMENT, Segment};
 use crate::{PhysicsError, Real, Settings};
 
-/// Which joints couplings connect within one segment, and which couplings connect others.
+/// Sorts couplings by whether one segment holds all their joints.
 pub(crate) struct Spans {
-    /// Ranges of neighbouring joints. Each range lies in one segment.
+    /// Ranges of neighbouring joints that couplings connect. The joints of a range belong into one segment.
     pub near: Vec<RangeInclusive<usize>>,
-    /// For each coupling of the model, whether it connects joints of different segments.
+    /// For each coupling of the model, whether its joints are too far apart for one segment.
     distant: Vec<bool>,
 }
 

@@ -11,7 +11,7 @@ fn row_step<T: Real>(tree: &Tree<T::K>, index: usize, work: &Work<T>) -> T {
     along_row(&tree.couplings[index], &work.couplings[index], |joint| work.joints[joint].step)
 }
 
-/// Adds the couplings' torques to those of the self-contacts.
+/// Adds the torque of each distant coupling to `work.self_contact.torque`, N·m.
 #[inline(always)]
 pub(crate) fn add_torques<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     for index in tree.self_contact.couplings.clone() {

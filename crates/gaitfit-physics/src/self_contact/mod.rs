@@ -93,7 +93,7 @@ pub(crate) struct SelfContacts<K> {
     pub weights: usize,
     /// The distant ones of the tree's couplings.
     pub couplings: Range<usize>,
-    /// Which elements of the Hessian may differ from 0.
+    /// The nonzero pattern of the Hessian.
     pub sparsity: Sparsity,
 }
 

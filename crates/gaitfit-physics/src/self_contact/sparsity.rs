@@ -1,4 +1,4 @@
-//! Which elements of the Hessian with self-contacts and distant couplings may differ from 0.
+//! The nonzero pattern of the Hessian with self-contacts and distant couplings.
 //!
 //! The unknowns are eliminated from the outermost joints inwards, the base last (Featherstone 2008, section 6.5). Along a tree
 //! this fills nothing in. What couples two limbs fills in elements of the joints that carry them.
@@ -9,7 +9,7 @@ pub(crate) fn at(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
-/// The order of the unknowns, and of each column of the factor the rows below its diagonal.
+/// The order of the unknowns, and the nonzero rows of each column of the factor.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sparsity {
     joints: usize,
@@ -79,13 +79,13 @@ impl Sparsity {
         at(self.base(a), self.base(b))
     }
 
-    /// The columns in the order of elimination, each with its rows below the diagonal that may differ from 0.
+    /// The columns in the order of elimination, each with its nonzero rows below the diagonal.
     #[inline(always)]
     pub fn columns(&self) -> impl DoubleEndedIterator<Item = (usize, &[usize])> {
         self.below.iter().enumerate().map(|(column, rows)| (column, &rows[..]))
     }
 
-    /// Places of all elements that may differ from 0.
+    /// Places of all nonzero elements.
     pub fn places(&self) -> impl Iterator<Item = usize> {
         self.columns().flat_map(|(k, below)| below.iter().map(move |&j| at(j, k)).chain([at(k, k)]))
     }

@@ -59,7 +59,7 @@ impl JointIds {
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Entry {
-    /// Of all terms.
+    /// A setting of all terms, such as `use_gym_history`.
     Switch(bool),
     Term(Term),
     Group(IndexMap<String, GroupEntry>),

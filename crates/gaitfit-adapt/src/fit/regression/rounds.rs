@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Another round follows if the mean ratio of a round's standard deviations to those of the round before is at most this. A larger
+/// Max mean ratio of a round's standard deviations to those of the round before, for another round to follow. A larger
 /// ratio means that the round has gained little.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
