@@ -17,6 +17,7 @@ pub struct ReplaySimulator {
     /// How long after the samples the recordings' targets were sent, s.
     lead: f64,
     engine: Box<dyn Engine>,
+    threads: usize,
 }
 
 impl ReplaySimulator {
@@ -36,6 +37,7 @@ impl ReplaySimulator {
             base: Candidate::nominal(model),
             lead: 0.0,
             engine: Box::new(Cpu { threads }),
+            threads,
         })
     }
 
@@ -116,6 +118,10 @@ impl ReplaySimulator {
 impl Simulator for ReplaySimulator {
     fn identity(&self) -> &Identity {
         &self.identity
+    }
+
+    fn threads(&self) -> usize {
+        self.threads
     }
 
     fn simulate(

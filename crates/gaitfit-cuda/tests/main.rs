@@ -7,6 +7,7 @@ mod costs;
 mod device;
 mod fit_device;
 mod fit_host;
+mod fit_predict;
 mod fit_replay;
 mod host;
 mod kernels;

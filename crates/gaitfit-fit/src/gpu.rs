@@ -73,7 +73,7 @@ impl OnGpu for ReplaySimulator {
     }
 }
 
-/// A simulator on a GPU. Short predictions from what a log's sensors read are simulated on the CPU.
+/// A simulator on a GPU. Short predictions from what a log's sensors read are the host's, which has a GPU for them too.
 pub struct GpuSimulator<S> {
     host: S,
     gpu: Mutex<Gpu>,

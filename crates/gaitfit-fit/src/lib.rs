@@ -11,6 +11,7 @@ pub mod arrangement;
 mod gpu;
 mod gpu_ahead;
 mod gpu_logs;
+mod gpu_predictions;
 pub mod log;
 pub mod log_check;
 #[cfg(feature = "report")]

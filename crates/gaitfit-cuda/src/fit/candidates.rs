@@ -7,7 +7,7 @@ use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
 
 use super::session::{Physics, Session};
-use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
+use super::{Begin, FitError, Numbers, Readings, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
 /// Max number of candidates whose signals are brought to the host at once.
@@ -64,6 +64,19 @@ pub struct Candidates {
     measured: Option<Arc<Measured>>,
     threads: usize,
     sessions: Vec<Session>,
+    /// The physics of sessions that there were.
+    known: Vec<Physics>,
+}
+
+/// What candidates begin with.
+#[derive(Clone, Copy)]
+enum Beginnings<'a> {
+    /// The tables' starts.
+    Tables,
+    /// For each job, how it begins each recording.
+    Logs(&'a [Vec<Begin>]),
+    /// What the sensors read.
+    Readings(Readings<'a>),
 }
 
 impl Candidates {
@@ -74,7 +87,7 @@ impl Candidates {
     pub fn new(device: &Device, tables: impl Into<Arc<Tables>>, threads: usize) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
         let (device, tables) = (device.clone(), tables.into());
-        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new() })
+        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new(), known: Vec::new() })
     }
 
     /// The number of its GPU.
@@ -85,6 +98,23 @@ impl Candidates {
     /// The recordings.
     pub fn tables(&self) -> &Tables {
         &self.tables
+    }
+
+    /// Puts other recordings in the place of its own.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub(super) fn set_tables(&mut self, tables: Tables) -> Result<(), FitError> {
+        if tables.has_sizes_of(&self.tables) {
+            for session in &mut self.sessions {
+                session.write_tables(&self.stream, &tables)?;
+            }
+        } else {
+            self.sessions.clear();
+        }
+        self.measured = None;
+        self.tables = Arc::new(tables);
+        Ok(())
     }
 
     /// Sets what candidates are compared with.
@@ -118,7 +148,7 @@ impl Candidates {
         // Of a robot that walks the base is not compared by distances.
         let by_distance = match subject {
             Subject::Walk(..) => dimensions.saturating_sub(6),
-            Subject::Replay(_) => dimensions,
+            Subject::Predict(_) | Subject::Replay(_) => dimensions,
         };
         let mut parts: Vec<Option<Parts>> = vec![None; jobs.len()];
         for (structure, mut own) in self.groups(subject, jobs)? {
@@ -132,7 +162,7 @@ impl Candidates {
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 let distances = now.iter().filter(|&&job| compared[job] == Compared::Distances).count();
-                self.run(subject, session, now, jobs, None)?;
+                self.run(subject, session, now, jobs, Beginnings::Tables)?;
                 let (near, squares, ends) = self.sessions[session].compare(
                     &self.stream,
                     distances,
@@ -162,7 +192,7 @@ impl Candidates {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), FitError> {
-        self.walks(subject, jobs, None, MAX_SHOWN, consume, cancel)
+        self.walks(subject, jobs, Beginnings::Tables, MAX_SHOWN, consume, cancel)
     }
 
     /// As [`Candidates::tracks`], for robots that make logs, on tables of [`Tables::for_logs`]. `begins[job][recording]` states how
@@ -194,17 +224,36 @@ impl Candidates {
             let found = begin.earlier as usize;
             return Err(FitError::Length { what: "samples before a recording", expected: max, found });
         }
-        let each = 4 * recordings * self.tables.samples * self.tables.dimensions(subject);
-        let shown = (MAX_SHOWN_BYTES / each.max(1)).max(1);
-        self.walks(subject, jobs, Some(begins), shown, consume, cancel)
+        self.walks(subject, jobs, Beginnings::Logs(begins), self.shown(subject), consume, cancel)
     }
 
-    /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: max number of candidates at once.
+    /// Max number of candidates whose signals come to the host at once.
+    fn shown(&self, subject: Subject<'_>) -> usize {
+        let each = 4 * self.tables.recordings() * self.tables.samples * self.tables.dimensions(subject);
+        (MAX_SHOWN_BYTES / each.max(1)).max(1)
+    }
+
+    /// As [`Candidates::tracks`], for predictions, on tables of [`Tables::predict`] of the same readings.
+    ///
+    /// # Errors
+    /// As [`Candidates::parts`].
+    pub(super) fn predict(
+        &mut self,
+        jobs: &[Job],
+        readings: Readings<'_>,
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), FitError> {
+        let subject = Subject::Predict(readings.walker);
+        self.walks(subject, jobs, Beginnings::Readings(readings), self.shown(subject), consume, cancel)
+    }
+
+    /// [`Candidates::tracks`], [`Candidates::make_logs`] or [`Candidates::predict`]. `shown`: max number of candidates at once.
     fn walks(
         &mut self,
         subject: Subject<'_>,
         jobs: &[Job],
-        begins: Option<&[Vec<Begin>]>,
+        begins: Beginnings<'_>,
         shown: usize,
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
@@ -278,7 +327,14 @@ impl Candidates {
         let physics = match there {
             // The memory of a smaller one is free for the larger.
             Some(there) => self.sessions.remove(there).physics,
-            None => Physics::new(subject, &example.candidate)?,
+            None => match self.known.iter().find(|known| known.structure == *structure) {
+                Some(known) => known.clone(),
+                None => {
+                    let physics = Physics::new(subject, &example.candidate)?;
+                    self.known.push(physics.clone());
+                    physics
+                }
+            },
         };
         let (tables, measured) = (&self.tables, self.measured.as_deref());
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
@@ -292,15 +348,23 @@ impl Candidates {
         session: usize,
         now: &[usize],
         jobs: &[Job],
-        begins: Option<&[Vec<Begin>]>,
+        begins: Beginnings<'_>,
     ) -> Result<(), FitError> {
         let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
         let session = &mut self.sessions[session];
         let mut numbers =
             Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
-        if let Some(begins) = begins {
-            let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
-            numbers = numbers.beginning(&begins);
+        match begins {
+            Beginnings::Tables => {}
+            Beginnings::Logs(begins) => {
+                let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
+                numbers = numbers.beginning(&begins);
+            }
+            Beginnings::Readings(readings) => {
+                let trust: Vec<f64> = now.iter().map(|&job| readings.trust[job]).collect();
+                let readings = Readings { trust: &trust, ..readings };
+                numbers = numbers.predicting(&chosen, &readings, self.threads);
+            }
         }
         session.run(&self.stream, &numbers)
     }

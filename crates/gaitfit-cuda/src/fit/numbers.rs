@@ -1,6 +1,8 @@
 //! What of candidates goes to the GPU.
 
 use gaitfit_policy::follow::{Job, start_number};
+use gaitfit_policy::predict;
+use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Imu, SimError, Start, pool};
 
 use super::FitError;
@@ -22,8 +24,10 @@ pub struct Numbers {
     /// Number of the start that each candidate begins at, among the starts of a recording. For robots that make logs: the
     /// number of samples that each environment walks before its recording begins.
     pub begins: Vec<u32>,
-    /// For robots that make logs: the state at the start of each environment.
+    /// For robots that make logs, and for predictions: the state at the start of each environment.
     pub starts: Vec<f32>,
+    /// For predictions: the share of what standing feet ask for that is done, of each candidate.
+    pub trust: Vec<f64>,
     /// Standard deviations of torque noise, N·m.
     pub deviation: Vec<f64>,
     /// Errors of the inertial units, [`IMU_NUMBERS`](gaitfit_sim::IMU_NUMBERS) each.
@@ -85,6 +89,44 @@ impl Numbers {
     }
 }
 
+/// What predictions of some candidates need besides their numbers.
+#[derive(Clone, Copy)]
+pub struct Readings<'a> {
+    /// The robot.
+    pub walker: &'a Walker,
+    /// What the logs' sensors read.
+    pub courses: &'a [predict::Course],
+    /// [`predict::Job::feet_trust`] of each job.
+    pub trust: &'a [f64],
+}
+
+impl Numbers {
+    /// The same numbers with the first states of these predictions, and with the trust in standing feet. They repeat as the
+    /// jobs do.
+    #[must_use]
+    pub fn predicting(mut self, jobs: &[Job], readings: &Readings<'_>, threads: usize) -> Self {
+        let candidates = self.begins.len();
+        let Readings { walker, courses, trust } = *readings;
+        // Candidates with the same errors of sensors begin alike.
+        let same = |one: &Job, other: &Job| {
+            one.candidate.robot.encoder_bias == other.candidate.robot.encoder_bias
+                && one.candidate.sensors == other.candidate.sensors
+        };
+        let first: Vec<usize> =
+            jobs.iter().map(|job| jobs.iter().position(|other| same(job, other)).unwrap_or(0)).collect();
+        let begun = pool::map(jobs.len(), threads, |job| {
+            let own = first[job] == job;
+            let courses = courses.iter().filter(|_| own);
+            courses.flat_map(|course| tables::numbers(&course.first(walker, &jobs[job].candidate))).collect()
+        });
+        let begun: Vec<Vec<f32>> = begun;
+        self.starts =
+            (0..candidates).flat_map(|place| begun[first[place % jobs.len()]].iter().copied()).collect();
+        self.trust = (0..candidates).map(|place| trust[place % jobs.len()]).collect();
+        self
+    }
+}
+
 /// Parameters and weights of a candidate.
 fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitError> {
     let model = subject.model();
@@ -95,7 +137,7 @@ fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitErr
         return Err(SimError::Option { option: "a candidate's delay", value: delay.to_string(), must }.into());
     }
     let robot = subject.params(candidate)?;
-    if let Subject::Walk(walker, _) = subject {
+    if let Some(walker) = subject.walker() {
         walker.batch.check_imu_delay(std::slice::from_ref(&robot))?;
     }
     let mut params = Vec::new();

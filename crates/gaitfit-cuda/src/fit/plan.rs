@@ -39,6 +39,17 @@ impl Sizes {
     }
 }
 
+/// The kernel of a control step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// The policy's: threads of a block, and bytes of shared memory.
+    Walk(u32, u32),
+    /// Predictions'.
+    Predict,
+    /// A clamped robot's.
+    Replay,
+}
+
 /// Arrays and kernels of a simulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -60,8 +71,7 @@ pub struct Plan {
     pub steps: usize,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,
-    /// Threads and bytes of shared memory of a block of the policy's kernel; none of a replay.
-    block: Option<(u32, u32)>,
+    step: Step,
 }
 
 impl Plan {
@@ -87,7 +97,7 @@ impl Plan {
         ];
         others.extend(tables.singles.iter().map(|(name, numbers)| (*name, Kind::F32, numbers.len())));
         others.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
-        let block = match scene.subject {
+        let step = match scene.subject {
             Subject::Walk(walker, policy) => {
                 others.push(("last_action", Kind::F32, places * walker.joints.len()));
                 others.push(("past", Kind::F32, places * kept(&walker.observation)));
@@ -98,9 +108,16 @@ impl Plan {
                 }
                 // Of layers of 128 numbers no thread is idle.
                 let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
-                Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
+                Step::Walk(threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX))
             }
-            Subject::Replay(_) => None,
+            Subject::Predict(_) => {
+                others.push(("trust", Kind::F64, sizes.candidates));
+                // No replay: these are not looked at.
+                others.push(("gains", Kind::F64, 0));
+                others.push(("starts", Kind::F32, environments * (13 + 2 * joints)));
+                Step::Predict
+            }
+            Subject::Replay(_) => Step::Replay,
         };
         others.push(("signals", Kind::F32, environments * sizes.samples * tables.dimensions(scene.subject)));
         others.push(("ends", Kind::U32, environments));
@@ -119,7 +136,7 @@ impl Plan {
             starts: tables.starts,
             steps: tables.steps(),
             disturbed: (!scene.spots.disturbance.is_empty()).then(|| scene.period.substeps()),
-            block,
+            step,
         }
     }
 
@@ -141,15 +158,16 @@ impl Plan {
 
     /// The kernels of a plan: parameters, a step, and random torques.
     pub fn kernels(&self) -> Vec<&'static str> {
-        match self.block {
-            Some(_) => vec!["spread", "walk", "disturb"],
-            None => vec!["spread", "replay"],
+        match self.step {
+            Step::Walk(..) => vec!["spread", "walk", "disturb"],
+            Step::Predict => vec!["spread", "predict", "disturb"],
+            Step::Replay => vec!["spread", "replay"],
         }
     }
 
     /// Bytes of shared memory of a block of the policy's kernel.
     pub fn shared(&self) -> usize {
-        self.block.map_or(0, |(_, shared)| shared as usize)
+        if let Step::Walk(_, shared) = self.step { shared as usize } else { 0 }
     }
 
     /// Before the first step: every environment's parameters.
@@ -166,9 +184,9 @@ impl Plan {
     pub fn step(&self, sample: usize) -> Launch {
         let Sizes { recordings, samples, rows, .. } = self.sizes;
         let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];
-        match self.block {
-            Some((threads, shared)) => {
-                let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+        let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+        match self.step {
+            Step::Walk(threads, shared) => {
                 let shape = Shape { shared, ..Shape::new(blocks, threads) };
                 let arrays = [
                     "lengths",
@@ -193,7 +211,28 @@ impl Plan {
                 let numbers = [&numbers[..], &[self.starts]].concat();
                 self.launch("walk", shape, &numbers, &arrays)
             }
-            None => {
+            Step::Predict => {
+                let arrays = [
+                    "lengths",
+                    "every",
+                    "logged",
+                    "readings",
+                    "legs",
+                    "trust",
+                    "starts",
+                    "factors",
+                    "imus",
+                    "robot_params",
+                    "robot_report",
+                    "robot_state",
+                    "robot_targets",
+                    "robot_memory",
+                    "signals",
+                    "ends",
+                ];
+                self.launch("predict", Shape::new(blocks, THREADS_OF_GROUP), &numbers, &arrays)
+            }
+            Step::Replay => {
                 let shape = Shape::cover(self.places * self.joints, THREADS);
                 let arrays = [
                     "lengths",

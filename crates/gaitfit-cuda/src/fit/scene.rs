@@ -21,6 +21,8 @@ const LANES: usize = 4;
 pub enum Subject<'a> {
     /// A policy walks on them.
     Walk(&'a Walker, &'a Policy),
+    /// They are given their logs' targets, and put right by what the logs' sensors read (`gaitfit_policy::predict`).
+    Predict(&'a Walker),
     /// They are clamped, and given their logs' targets.
     Replay(&'a Replay),
 }
@@ -48,7 +50,7 @@ impl Subject<'_> {
     /// The robot.
     pub fn model(&self) -> &Model {
         match self {
-            Self::Walk(walker, _) => walker.model(),
+            Self::Walk(walker, _) | Self::Predict(walker) => walker.model(),
             Self::Replay(replay) => replay.model(),
         }
     }
@@ -56,8 +58,16 @@ impl Subject<'_> {
     /// Longest delay of a candidate, s.
     pub(super) fn max_delay(&self) -> f64 {
         match self {
-            Self::Walk(walker, _) => walker.batch.options().max_delay,
+            Self::Walk(walker, _) | Self::Predict(walker) => walker.batch.options().max_delay,
             Self::Replay(replay) => replay.options().max_delay,
+        }
+    }
+
+    /// The robot that is not clamped.
+    pub(super) fn walker(&self) -> Option<&Walker> {
+        match self {
+            Self::Walk(walker, _) | Self::Predict(walker) => Some(walker),
+            Self::Replay(_) => None,
         }
     }
 
@@ -66,6 +76,7 @@ impl Subject<'_> {
     pub fn dimensions(&self) -> usize {
         match self {
             Self::Walk(walker, _) => 3 * walker.joints.len() + 6,
+            Self::Predict(walker) => 2 * walker.joints.len(),
             Self::Replay(replay) => 2 * replay.model().joints.len(),
         }
     }
@@ -76,7 +87,7 @@ impl Subject<'_> {
     /// A candidate that is no robot.
     pub(super) fn params(&self, candidate: &Candidate) -> Result<Params<f64>, PhysicsError> {
         match self {
-            Self::Walk(walker, _) => walker.robot(candidate).params(walker.model()),
+            Self::Walk(walker, _) | Self::Predict(walker) => walker.robot(candidate).params(walker.model()),
             Self::Replay(replay) => candidate.robot.params(replay.model()),
         }
     }
@@ -88,7 +99,7 @@ impl Subject<'_> {
     pub fn period(&self, candidate: &Candidate) -> Result<Period, FitError> {
         let structure = Structure::new(candidate);
         let (settings, substeps, taps) = match self {
-            Self::Walk(walker, _) => {
+            Self::Walk(walker, _) | Self::Predict(walker) => {
                 let batch = &walker.batch;
                 (batch.settings(), batch.options().substeps, batch.taps())
             }
@@ -96,7 +107,7 @@ impl Subject<'_> {
         };
         let model = self.model();
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let forces = matches!(self, Self::Walk(..));
+        let forces = self.walker().is_some();
         // Clamped robots do not show when their inertial unit is late.
         let parts = Parts { late_imu: forces && structure.kept.parts.late_imu, ..structure.kept.parts };
         let networks = modifications::<Traced>(model, &candidate.networks, parts)?;

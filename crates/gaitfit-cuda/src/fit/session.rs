@@ -140,14 +140,20 @@ impl Session {
         let comparison = measured.map(compare).transpose()?;
         let mut session =
             Self { physics: physics.clone(), asked, batch, plan, storages, kernels, comparison, graph: None };
-        session.write(stream, "lengths", &tables.lengths)?;
+        session.write_tables(stream, tables)?;
+        Ok(session)
+    }
+
+    /// Puts tables of the same sizes in the place of its own.
+    pub fn write_tables(&mut self, stream: &Stream, tables: &Tables) -> Result<(), CudaError> {
+        self.write(stream, "lengths", &tables.lengths)?;
         for (name, numbers) in &tables.singles {
-            session.write(stream, name, numbers)?;
+            self.write(stream, name, numbers)?;
         }
         for (name, numbers) in &tables.doubles {
-            session.write(stream, name, numbers)?;
+            self.write(stream, name, numbers)?;
         }
-        Ok(session)
+        Ok(())
     }
 
     /// Candidates there is room for.
@@ -188,6 +194,7 @@ impl Session {
         if !numbers.starts.is_empty() {
             self.write(stream, "starts", &numbers.starts)?;
         }
+        self.write(stream, "trust", &numbers.trust)?;
         self.write(stream, "deviation", &numbers.deviation)?;
         self.write(stream, "imus", &numbers.imus)?;
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {

@@ -3,10 +3,11 @@
 use gaitfit_physics::{State, compile};
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::Script;
+use gaitfit_policy::predict::{Course, Feet};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Replay, Start};
 
-use super::text::copied;
+use super::text::{copied, leg_joints};
 use super::{FitError, Subject};
 use crate::words::{unknown, unobserved};
 
@@ -97,6 +98,36 @@ impl Tables {
         })
     }
 
+    /// Of robots that are put right by what the logs' sensors read, `courses`. Not empty.
+    pub fn predict(walker: &Walker, courses: &[Course]) -> Self {
+        let leg_joints = leg_joints(&Feet::new(walker));
+        let samples = courses.iter().map(Course::samples).max().unwrap_or(0);
+        let of_samples = |numbers: &dyn Fn(&Course) -> Vec<f32>| -> Vec<f32> {
+            let filled = courses.iter().flat_map(|course| {
+                let mut rows = numbers(course);
+                rows.resize(rows.len() / course.samples() * samples, 0.0);
+                rows
+            });
+            filled.collect()
+        };
+        let readings = |course: &Course| {
+            (0..course.samples()).flat_map(|sample| numbers(&course.reading(sample))).collect()
+        };
+        Self {
+            lengths: courses.iter().map(|course| course.samples() as u32).collect(),
+            samples,
+            has_states: true,
+            starts: 1,
+            earlier: None,
+            singles: vec![
+                ("logged", of_samples(&|course| course.targets.clone())),
+                ("readings", of_samples(&readings)),
+                ("legs", of_samples(&|course| course.legs(leg_joints))),
+            ],
+            doubles: Vec::new(),
+        }
+    }
+
     /// Of clamped robots that are given their recordings' targets.
     ///
     /// # Errors
@@ -147,6 +178,16 @@ impl Tables {
     /// Number of samples that are simulated: those of the longest recording, and those before it.
     pub fn steps(&self) -> usize {
         self.samples + self.earlier.unwrap_or(0)
+    }
+
+    /// Whether arrays of these tables have room for those of `other`.
+    pub(super) fn has_sizes_of(&self, other: &Self) -> bool {
+        let lengths = |tables: &Self| -> Vec<usize> {
+            let (singles, doubles) = (tables.singles.iter(), tables.doubles.iter());
+            singles.map(|(_, all)| all.len()).chain(doubles.map(|(_, all)| all.len())).collect()
+        };
+        let sizes = |tables: &Self| (tables.recordings(), tables.samples, tables.starts, tables.earlier);
+        sizes(self) == sizes(other) && lengths(self) == lengths(other)
     }
 
     /// Recordings.

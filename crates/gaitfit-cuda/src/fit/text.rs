@@ -1,13 +1,14 @@
 //! The kernels' text: numbers and tables of what is simulated, then the files.
 
 use gaitfit_policy::network::{Activation, Layer};
+use gaitfit_policy::predict::{Feet, Foot};
 use gaitfit_policy::walker::Walker;
 use gaitfit_policy::{Policy, Term};
 
 use super::scene::{Scene, Subject};
 use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
-use crate::words::{Words, single};
+use crate::words::{Words, double, single};
 
 /// The program of a scene, `rows` robots of a block together, `group` of a thread. `logs`: whether robots that walk make
 /// logs. Products and sums are rounded one by one, as the CPU does it.
@@ -15,10 +16,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("../rollout/kernels/structs.cu"));
     let mut words = Words { text };
-    let heights = match scene.subject {
-        Subject::Walk(walker, _) => words.ground(walker),
-        Subject::Replay(_) => Vec::new(),
-    };
+    let heights = scene.subject.walker().map_or_else(Vec::new, |walker| words.ground(walker));
     sizes(&mut words, scene);
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
@@ -37,6 +35,21 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
                 include_str!("kernels/places.cu"),
                 include_str!("kernels/network.cu"),
                 include_str!("kernels/walk.cu"),
+                include_str!("kernels/disturb.cu"),
+            ]
+        }
+        Subject::Predict(walker) => {
+            words.walker(walker);
+            legs(&mut words, walker);
+            words.define("ROWS", rows);
+            &[
+                include_str!("../rollout/kernels/draws.cu"),
+                include_str!("../rollout/kernels/robot.cu"),
+                include_str!("../rollout/kernels/sensors.cu"),
+                include_str!("../rollout/kernels/targets.cu"),
+                include_str!("kernels/places.cu"),
+                include_str!("kernels/predict.cu"),
+                include_str!("kernels/disturb.cu"),
             ]
         }
         Subject::Replay(replay) => {
@@ -64,6 +77,32 @@ fn sizes(words: &mut Words, scene: &Scene<'_>) {
     words.spots("PARAM_SPOTS", &scene.params);
     let gains = scene.gains().into_iter().map(|gain| gain.map_or("-1".to_owned(), |gain| gain.to_string()));
     words.table("int", "GAIN_OF", gains.collect());
+}
+
+/// The feet that say how the base moves, and the joints of their legs.
+fn legs(words: &mut Words, walker: &Walker) {
+    let feet = Feet::new(walker);
+    let (mut forces, mut joints) = (Vec::new(), Vec::new());
+    let row = |foot: &Foot| {
+        let first = [forces.len(), joints.len()];
+        forces.extend_from_slice(&foot.forces);
+        joints.extend_from_slice(&foot.joints);
+        format!("{{{}, {}, {}, {}}}", first[0], foot.forces.len(), first[1], foot.joints.len())
+    };
+    let rows: Vec<String> = feet.feet.iter().map(row).collect();
+    words.define("LEGS", rows.len());
+    words.define("LEG_JOINTS", leg_joints(&feet));
+    words.define("LEAST_LOAD", double(feet.least_load));
+    words.text.push_str("// A foot: the first of its forces in LEG_FORCE and their number, and the same of its leg's joints in LEG_JOINT.\n");
+    words.text.push_str("struct Leg {\n    int force, forces, joint, joints;\n};\n");
+    words.table("Leg", "LEG", rows);
+    words.integers("LEG_FORCE", &forces);
+    words.integers("LEG_JOINT", &joints);
+}
+
+/// The largest number of joints of a leg.
+pub(super) fn leg_joints(feet: &Feet) -> usize {
+    feet.feet.iter().map(|foot| foot.joints.len()).max().unwrap_or(0)
 }
 
 fn walk(words: &mut Words, walker: &Walker) {

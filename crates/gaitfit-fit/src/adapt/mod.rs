@@ -81,9 +81,6 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
     for warning in &setup.warnings {
         watch.note(warning);
     }
-    if let Some(note) = on_the_cpu(setup) {
-        watch.note(&note);
-    }
     let protocol = files::protocol(folder, setup)?;
     limit::reopen(&protocol, folder, setup)?;
     let results = protocol.run(watch, || {
@@ -106,14 +103,4 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         setup.take(odd)?;
     }
     Ok(results)
-}
-
-/// The work that a GPU does not simulate.
-fn on_the_cpu(setup: &Setup) -> Option<String> {
-    let names: Vec<String> =
-        setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
-    let there = setup.devices.are_gpus() && !names.is_empty();
-    there.then(|| {
-        format!("the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
-    })
 }

@@ -124,10 +124,7 @@ impl Setup {
             }
         }
         let method = method.on(gpus.clone());
-        // The CPU searches by short predictions.
-        let is_on_gpu = config.costs.iter().any(|cost| !cost.needs_imu());
-        let searched = method.walking().filter(|_| is_on_gpu);
-        let _ahead = searched.map(|walking| gpu_ahead::compile_ahead(walking, &theta, &base));
+        let _ahead = method.walking().map(|walking| gpu_ahead::compile_ahead(walking, &theta, &base));
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let swings = swings(&config, &method, walker.as_ref(), &robot, &theta, &base, &logs.fit, watch)?;

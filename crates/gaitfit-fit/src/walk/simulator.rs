@@ -11,7 +11,7 @@ use gaitfit_policy::follow::{self, Script, Track};
 use gaitfit_policy::predict::{self, Course};
 use gaitfit_policy::walker::Walker;
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::{Candidate, Start};
+use gaitfit_sim::{Candidate, Start, pool};
 use std::sync::Arc;
 
 /// Runs a policy on candidate robots with the command sequences of some logs.
@@ -25,7 +25,7 @@ pub struct WalkSimulator {
     /// Rows that logs lost, one entry for each log; empty if no log lost rows.
     filled: Vec<Filled>,
     /// The readings of the logs' sensors; empty if a log lacks those of an IMU.
-    courses: Vec<Course>,
+    courses: Arc<[Course]>,
     /// How much standing feet are trusted to show how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
     /// Joints of the model, which θ names.
@@ -42,7 +42,10 @@ impl WalkSimulator {
             base,
             filled: Vec::new(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
-            courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
+            courses: pool::map(logs.len(), walking.threads, |log| course(&walking.task.walker, logs[log]))
+                .into_iter()
+                .map_while(|course| course)
+                .collect(),
             feet_trust: predict::FEET_TRUST,
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
@@ -102,6 +105,10 @@ impl Simulator for WalkSimulator {
         &self.identity
     }
 
+    fn threads(&self) -> usize {
+        self.walking.threads
+    }
+
     fn simulate(
         &self,
         theta: &Theta,
@@ -131,13 +138,16 @@ impl Simulator for WalkSimulator {
                 self.scripts.len()
             )));
         }
+        fn given(signal: &[f32]) -> Option<&[f32]> {
+            Some(signal).filter(|signal| !signal.is_empty())
+        }
         let pass = |candidate: usize, recording: usize, track: &Track| {
             let signals = Signals {
                 position: &track.position,
                 velocity: &track.velocity,
-                action: Some(&track.action).filter(|action| !action.is_empty()).map(Vec::as_slice),
-                base_position: Some(&track.base_position),
-                base_velocity: Some(&track.base_velocity),
+                action: given(&track.action),
+                base_position: given(&track.base_position),
+                base_velocity: given(&track.base_velocity),
                 fell_at: track.fell_at,
             };
             consume(candidate, recording, signals);
@@ -155,12 +165,14 @@ impl Simulator for WalkSimulator {
         let every: Vec<usize> = jobs.iter().map(|job| job.every).collect();
         let to = |job: usize, course: usize, track: &Track| match self.filled.get(course) {
             Some(filled) if !filled.rows.is_empty() => {
-                pass(places[job], course, &filled.instead(track, every[job]));
+                pass(places[job], course, &filled.instead(track, walker.joints.len(), every[job]));
             }
             _ => pass(places[job], course, track),
         };
-        predict::predict(walker, &self.courses, &jobs, threads, &to, cancel)
-            .map_err(SimulatorError::failed)?;
+        let (courses, gpu) = (&self.courses, &self.walking.predictions);
+        if !gpu.predict(&self.walking, courses, &jobs, &to, cancel)? {
+            predict::predict(walker, courses, &jobs, threads, &to, cancel).map_err(SimulatorError::failed)?;
+        }
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 }
@@ -185,10 +197,9 @@ impl Filled {
     }
 
     /// `track` with the log's own values in the filled rows, and in the `every` rows after each that are predicted from it.
-    fn instead(&self, track: &Track, every: usize) -> Track {
+    /// `width`: joints of the track.
+    fn instead(&self, track: &Track, width: usize, every: usize) -> Track {
         let mut track = track.clone();
-        let samples = (track.base_position.len() / 3).max(1);
-        let width = track.position.len() / samples;
         for &row in &self.rows {
             for (simulated, logged) in
                 [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)]

@@ -2,6 +2,7 @@
 
 use super::simulator::WalkSimulator;
 use crate::Error;
+use crate::gpu_predictions::GpuPredictions;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Preset, SimulationConfig};
 use crate::world;
@@ -22,6 +23,8 @@ pub struct Walking {
     pub threads: usize,
     /// The GPUs that simulate, instead of the CPU; none for the CPU.
     pub gpus: Vec<crate::device::Gpu>,
+    /// Short predictions on the first of them.
+    pub predictions: GpuPredictions,
 }
 
 impl Walking {
@@ -39,7 +42,7 @@ impl Walking {
     ) -> Result<Self, Error> {
         let settings = settings(config, &policy, model)?;
         let task = task(config.simulation.preset, settings, &policy, model, theta, base)?;
-        Ok(Self { policy, task, threads, gpus: Vec::new() })
+        Ok(Self { policy, task, threads, gpus: Vec::new(), predictions: GpuPredictions::default() })
     }
 
     /// The same robot as it makes logs: at its own step, where the configuration or the policy's task states it, with
@@ -65,7 +68,7 @@ impl Walking {
             preset = Preset::Accurate;
         }
         let task = task(preset, settings, &policy, model, theta, base)?;
-        Ok(Self { policy, task, threads, gpus: Vec::new() })
+        Ok(Self { policy, task, threads, gpus: Vec::new(), predictions: GpuPredictions::default() })
     }
 
     /// Names of the policy's joints, in its order.

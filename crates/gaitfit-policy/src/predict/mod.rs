@@ -9,11 +9,12 @@ mod odometry;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::standing_height;
 use gaitfit_physics::Params;
-use gaitfit_sim::{Candidate, Imu, Motion, Start, Tile};
+use gaitfit_sim::{Candidate, Imu, Motion, RobotState, Start, Tile};
 
 use crate::follow::{ASK, Track, in_tiles};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
-use odometry::{Feet, Legs};
+use odometry::Legs;
+pub use odometry::{Feet, Foot};
 
 /// What a log says of one run. Joint vectors are in the model's order.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +66,30 @@ impl Course {
         self.position.len() / self.samples()
     }
 
+    /// What the sensors read at sample `sample`, as a start with the base at the origin and at rest.
+    pub fn reading(&self, sample: usize) -> Start {
+        let row = sample * self.joints()..(sample + 1) * self.joints();
+        Start {
+            base_position: [0.0; 3],
+            base_quaternion: self.quaternion[sample],
+            base_linear: [0.0; 3],
+            base_angular: self.rates[sample],
+            joint_position: self.position[row.clone()].to_vec(),
+            joint_velocity: self.velocity[row].to_vec(),
+        }
+    }
+
+    /// Where the feet are in the base's frame: at every sample, for every foot, its place (m), its velocity (m/s) and what a
+    /// unit of each of `joints` joints of its leg moves it by (m/rad), three numbers each. Legs with fewer joints end in zeros.
+    pub fn legs(&self, joints: usize) -> Vec<f32> {
+        self.legs.numbers(joints)
+    }
+
+    /// The state in which `candidate`, a robot of `walker`, begins: feet on the ground, the base still.
+    pub fn first(&self, walker: &Walker, candidate: &Candidate) -> Start {
+        self.start(walker.model(), &Correction::of(candidate, FEET_TRUST))
+    }
+
     /// Orientation and angular velocity (rad/s, body frame) of the base at sample `sample`, without the errors of the
     /// candidate's inertial unit.
     fn base(&self, sample: usize, imu: Option<&Imu>) -> ([f32; 4], [f32; 3]) {
@@ -74,16 +99,16 @@ impl Course {
 
     /// The robot's state by the sensors at sample `sample`, with the base's position `place` and velocity `linear`.
     fn shown(&self, sample: usize, correction: &Correction<'_>, place: [f32; 3], linear: [f32; 3]) -> Start {
-        let row = sample * self.joints()..(sample + 1) * self.joints();
         let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
         let (base_quaternion, base_angular) = self.base(sample, correction.imu.as_ref());
+        let reading = self.reading(sample);
         Start {
             base_position: place,
             base_quaternion,
             base_linear: linear,
             base_angular,
-            joint_position: self.position[row.clone()].iter().zip(correction.bias).map(true_angle).collect(),
-            joint_velocity: self.velocity[row].to_vec(),
+            joint_position: reading.joint_position.iter().zip(correction.bias).map(true_angle).collect(),
+            joint_velocity: reading.joint_velocity,
         }
     }
 
@@ -106,9 +131,8 @@ struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    fn new(job: &'a Job) -> Self {
-        let Job { candidate, feet_trust, .. } = job;
-        Self { bias: &candidate.robot.encoder_bias, imu: candidate.sensors.imu(), feet_trust: *feet_trust }
+    fn of(candidate: &'a Candidate, feet_trust: f64) -> Self {
+        Self { bias: &candidate.robot.encoder_bias, imu: candidate.sensors.imu(), feet_trust }
     }
 
     /// Puts robot `index` where sample `sample` of `course` says.
@@ -176,12 +200,36 @@ pub fn predict(
 ) -> Result<(), WalkerError> {
     let feet = Feet::new(walker);
     in_tiles(jobs.len(), courses, threads, |worker: &mut Worker, job, first, chunk| {
-        let whole = worker.run(walker, &feet, &jobs[job], chunk, first, cancel)?;
+        let whole = worker.run(walker, &feet, &jobs[job], chunk, first, &mut |_| (), cancel)?;
         for (k, track) in worker.tracks.iter().enumerate().take(if whole { chunk.len() } else { 0 }) {
             consume(job, first + k, track);
         }
         Ok(())
     })
+}
+
+/// A robot before and after a control period.
+pub type Stepped = [RobotState; 2];
+
+/// Every robot of `job` before and after each control period, `periods × courses`: before it, it is already corrected.
+/// Tests compare other engines with it.
+///
+/// # Errors
+/// As [`predict`].
+pub fn robots(walker: &Walker, courses: &[Course], job: &Job) -> Result<Vec<Vec<Stepped>>, WalkerError> {
+    let (mut periods, mut before) = (Vec::new(), None);
+    let mut watch = |tile: &mut Tile<'_>| {
+        let now: Vec<RobotState> = (0..courses.len()).map(|index| tile.robot(index)).collect();
+        before = match before.take() {
+            None => Some(now),
+            Some(before) => {
+                periods.push(before.into_iter().zip(now).map(|(before, now)| [before, now]).collect());
+                None
+            }
+        };
+    };
+    Worker::default().run(walker, &Feet::new(walker), job, courses, 0, &mut watch, &|| false)?;
+    Ok(periods)
 }
 
 /// A thread's buffers.
@@ -194,7 +242,8 @@ struct Worker {
 }
 
 impl Worker {
-    /// Fills the tracks of some courses. False if it gave up.
+    /// Fills the tracks of some courses. False if it gave up. `watch` is called before and after each control period.
+    #[allow(clippy::too_many_arguments, reason = "one caller besides tests")]
     fn run(
         &mut self,
         walker: &Walker,
@@ -202,11 +251,12 @@ impl Worker {
         job: &Job,
         courses: &[Course],
         first: usize,
+        watch: &mut dyn FnMut(&mut Tile<'_>),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<bool, WalkerError> {
         let (batch, count) = (&walker.batch, courses.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
-        let correction = Correction::new(job);
+        let correction = Correction::of(&job.candidate, job.feet_trust);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
@@ -239,7 +289,9 @@ impl Worker {
             }
             let torques =
                 self.noise.torques(walker, &job.candidate, job.seed, first as u32, sample as u32, count);
+            watch(&mut tile);
             tile.step(&self.targets, torques, &mut self.motion);
+            watch(&mut tile);
         }
         Ok(true)
     }

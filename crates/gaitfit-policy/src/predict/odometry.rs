@@ -20,20 +20,22 @@ const GRAVITY: f64 = 9.81;
 const MIN_UPRIGHT_SINE: f64 = 0.1;
 
 /// The feet of a robot.
-pub(super) struct Feet {
-    feet: Vec<Foot>,
+pub struct Feet {
+    /// In the walker's order.
+    pub feet: Vec<Foot>,
     /// Load from which the feet say how the base moves, N.
-    least_load: f64,
+    pub least_load: f64,
 }
 
-struct Foot {
+/// A foot and its leg.
+pub struct Foot {
     body: usize,
     /// Its centre in its body's frame, m.
     place: Vec3,
     /// Places of its geoms in [`Motion::normal_force`].
-    forces: Vec<usize>,
+    pub forces: Vec<usize>,
     /// Joints from the base to it.
-    joints: Vec<usize>,
+    pub joints: Vec<usize>,
     /// Its joint and radius (m), if it is a wheel whose targets are velocities.
     wheel: Option<(usize, f64)>,
 }
@@ -147,6 +149,17 @@ impl Legs {
             }
         }
         Self { places }
+    }
+
+    /// All numbers, with room for `joints` joints of a leg; see [`Course::legs`].
+    pub fn numbers(&self, joints: usize) -> Vec<f32> {
+        let mut numbers = Vec::with_capacity(self.places.len() * (6 + 3 * joints));
+        for place in &self.places {
+            let end = numbers.len() + 6 + 3 * joints;
+            numbers.extend(place.at.iter().chain(&place.velocity).chain(place.columns.iter().flatten()));
+            numbers.resize(end, 0.0);
+        }
+        numbers
     }
 
     /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where

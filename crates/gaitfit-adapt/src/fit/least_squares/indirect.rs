@@ -152,7 +152,8 @@ pub fn correct(
         return Ok(Err("The simulation of the values found diverges.".to_owned()));
     };
     let loss = Loss::new(&here.residuals);
-    let entries = problem.theta.entries().iter().zip(silent(problem.theta, &here, loss));
+    let silent = silent(problem.theta, &here, loss, problem.simulator.threads());
+    let entries = problem.theta.entries().iter().zip(silent);
     let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
     let Some((reference, real)) = further(problem, values, here, loss, &moving)? else {
         return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
@@ -178,7 +179,7 @@ fn further(
     moving: &[bool],
 ) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
     let compared = |here: &Around| {
-        let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
+        let step = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads()).step(RIDGE, moving)?;
         Some(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let Some(mut real) = compared(&here) else { return Ok(None) };

@@ -154,7 +154,7 @@ impl GaussNewton {
         let theta = problem.theta;
         let Some(here) = around(problem, &self.values)? else { return Ok(None) };
         let loss = Loss::new(&here.residuals);
-        let normal = Normal::whole(&here.jacobian, &here.residuals, loss);
+        let normal = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads());
         let free = free(theta, &self.values, &normal);
         let trials: Vec<(f64, Vec<f64>)> = DAMPINGS
             .iter()
@@ -252,7 +252,7 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
     }
     Ok(Some(Around {
         residuals,
-        jacobian: Jacobian::new(pairs, problem.differences()?.width()),
+        jacobian: Jacobian::new(&pairs, problem.differences()?.width(), problem.simulator.threads()),
         evaluations: candidates.len(),
     }))
 }

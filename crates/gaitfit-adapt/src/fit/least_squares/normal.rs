@@ -8,6 +8,7 @@
 //! (1975). Without it friction came out 10 to 45 % low on logs of another simulator.
 
 use super::residuals::Residuals;
+use gaitfit_sim::pool;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -81,19 +82,21 @@ pub(super) struct Jacobian {
 }
 
 impl Jacobian {
-    /// From candidates moved up and down in one entry each, and the distance between the two.
-    pub fn new(moved: Vec<(Residuals, Residuals, f64)>, width: usize) -> Self {
-        let column = |(up, down, step): (Residuals, Residuals, f64)| {
+    /// From candidates moved up and down in one entry each, and the distance between the two, on `threads` threads.
+    pub fn new(moved: &[(Residuals, Residuals, f64)], width: usize, threads: usize) -> Self {
+        let column = |entry: usize| {
+            let (up, down, step) = &moved[entry];
             // An entry without room to move has no derivative.
-            let inverse = if step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
-            let mut recordings = up.recordings;
-            for (up, down) in recordings.iter_mut().zip(&down.recordings) {
-                up.iter_mut().zip(down).for_each(|(up, down)| *up = (*up - down) * inverse);
-            }
+            let inverse = if *step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
+            let of_recording = |(up, down): (&Vec<f32>, &Vec<f32>)| -> Vec<f32> {
+                up.iter().zip(down).map(|(up, down)| (up - down) * inverse).collect()
+            };
+            let mut recordings: Vec<Vec<f32>> =
+                up.recordings.iter().zip(&down.recordings).map(of_recording).collect();
             limit(&mut recordings, width);
             recordings
         };
-        Self { columns: moved.into_iter().map(column).collect(), width }
+        Self { columns: pool::map(moved.len(), threads, column), width }
     }
 
     /// From the simulator's own derivatives.
@@ -141,25 +144,30 @@ impl Normal {
         rows: Range<usize>,
     ) -> Self {
         let (entries, width) = (jacobian.entries(), jacobian.width);
-        let mut normal = Self::zero(entries);
         let of_recording = &residuals.recordings[recording];
-        let mut row = vec![0.0f64; entries];
+        let (mut row, mut slope) = (vec![0.0f64; entries], vec![0.0; entries]);
+        // The lower triangle, row by row.
+        let mut lower = vec![0.0; entries * (entries + 1) / 2];
         for at in rows.start * width..rows.end * width {
             let off = f64::from(of_recording[at]);
             let weight = loss.weight(off);
             for (number, column) in row.iter_mut().zip(&jacobian.columns) {
                 *number = f64::from(column[recording][at]);
             }
-            for i in 0..entries {
+            let mut rest = lower.as_mut_slice();
+            for (i, slope) in slope.iter_mut().enumerate() {
                 let weighted = weight * row[i];
-                normal.slope[i] += weighted * off;
-                for j in 0..=i {
-                    normal.curvature[(i, j)] += weighted * row[j];
-                }
+                *slope += weighted * off;
+                let (sums, others) = rest.split_at_mut(i + 1);
+                sums.iter_mut().zip(&row).for_each(|(sum, number)| *sum += weighted * number);
+                rest = others;
             }
         }
-        normal.curvature.fill_upper_triangle_with_lower_triangle();
-        normal
+        let curvature = DMatrix::from_fn(entries, entries, |i, j| {
+            let (row, column) = (i.max(j), i.min(j));
+            lower[row * (row + 1) / 2 + column]
+        });
+        Self { curvature, slope: DVector::from_vec(slope) }
     }
 
     pub fn zero(entries: usize) -> Self {
@@ -171,18 +179,15 @@ impl Normal {
         self.slope += &other.slope;
     }
 
-    /// Of all samples.
-    pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss) -> Self {
+    /// Of all samples, on `threads` threads.
+    pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss, threads: usize) -> Self {
+        let of_recording = |recording: usize| {
+            let rows = residuals.recordings[recording].len() / jacobian.width.max(1);
+            Self::new(jacobian, residuals, loss, recording, 0..rows)
+        };
         let mut sum = Self::zero(jacobian.entries());
-        for (recording, of_recording) in residuals.recordings.iter().enumerate() {
-            sum.add(&Self::new(
-                jacobian,
-                residuals,
-                loss,
-                recording,
-                0..of_recording.len() / jacobian.width.max(1),
-            ));
-        }
+        let parts = pool::map(residuals.recordings.len(), threads, of_recording);
+        parts.iter().for_each(|part| sum.add(part));
         sum
     }
 

@@ -109,7 +109,7 @@ pub fn answers<W: World + ?Sized>(
             return Ok(Comparison { left, step: Vec::new() });
         };
         let here = around(&problem, &question.values)?.ok_or_else(diverged)?;
-        let normal = Normal::whole(&here.jacobian, &here.residuals, *loss);
+        let normal = Normal::whole(&here.jacobian, &here.residuals, *loss, problem.simulator.threads());
         let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
         let step = normal.step(RIDGE, moving).ok_or_else(flat)?;
         Ok(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })

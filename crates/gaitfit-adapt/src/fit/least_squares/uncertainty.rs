@@ -12,7 +12,7 @@ use super::{Around, Correction, around, free};
 use crate::fit::FitError;
 use crate::{Entry, Simulator, Theta};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::stats;
+use gaitfit_sim::{pool, stats};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
@@ -72,7 +72,7 @@ pub fn uncertainty(
     let theta = problem.theta;
     let Some(here) = around(&problem, values)? else { return Ok(None) };
     let loss = Loss::new(&here.residuals);
-    let parts = parts(&here, loss);
+    let parts = parts(&here, loss, problem.simulator.threads());
     let mut estimate = Estimate::new(theta, values, &parts);
     let mut shifts = Vec::new();
     // Where the slope ends; the search ends where the loss does, and derivatives are limited. A correction goes there.
@@ -83,7 +83,7 @@ pub fn uncertainty(
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
         let Some(residuals) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
-        let slope = Normal::whole(&here.jacobian, &residuals, loss).slope;
+        let slope = Normal::whole(&here.jacobian, &residuals, loss, problem.simulator.threads()).slope;
         if let Some(by) = estimate.step(&(slope - &estimate.whole.slope)) {
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
@@ -98,16 +98,19 @@ pub fn uncertainty(
     Ok(estimate.together(&parts, shifts))
 }
 
-/// Normal equations of pieces of the logs.
-fn parts(here: &Around, loss: Loss) -> Vec<Normal> {
-    let part = |(recording, rows)| Normal::new(&here.jacobian, &here.residuals, loss, recording, rows);
-    pieces(&here.residuals, here.jacobian.width).into_iter().map(part).collect()
+/// Normal equations of pieces of the logs, on `threads` threads.
+fn parts(here: &Around, loss: Loss, threads: usize) -> Vec<Normal> {
+    let pieces = pieces(&here.residuals, here.jacobian.width);
+    pool::map(pieces.len(), threads, |piece| {
+        let (recording, rows) = pieces[piece].clone();
+        Normal::new(&here.jacobian, &here.residuals, loss, recording, rows)
+    })
 }
 
 /// Entries of `theta` without an effect on logs, `here` where they were fitted.
-pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss) -> Vec<bool> {
+pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss, threads: usize) -> Vec<bool> {
     let values = vec![0.0; theta.len()];
-    Estimate::new(theta, &values, &parts(here, loss)).silent
+    Estimate::new(theta, &values, &parts(here, loss, threads)).silent
 }
 
 /// The result, and the directions in which it can move.

@@ -28,6 +28,21 @@ struct Base {
     float position[3], quaternion[4], linear[3], angular[3];
 };
 
+#if HAS_LEAD
+// What LEAD seconds of the last acceleration change in the velocities of a base with orientation `q`.
+DEVICE void velocity_change(const float* state, u32 e, const float q[4], float angular[3], float linear[3]) {
+    float a[3], once[3], twice[3];
+    for (int k = 0; k < 3; k++) a[k] = STATE(ACCELERATION + k);
+    float w = q[0], x = q[1], y = q[2], z = q[3];
+    once[0] = y * a[2] - z * a[1], once[1] = z * a[0] - x * a[2], once[2] = x * a[1] - y * a[0];
+    twice[0] = y * once[2] - z * once[1], twice[1] = z * once[0] - x * once[2], twice[2] = x * once[1] - y * once[0];
+    for (int k = 0; k < 3; k++) {
+        angular[k] = LEAD * (a[k] + 2.0f * (twice[k] - w * once[k]));
+        linear[k] = LEAD * STATE(ACCELERATION + 3 + k);
+    }
+}
+#endif
+
 DEVICE Base base_of(const float* state, u32 e) {
     Base base;
     for (int k = 0; k < 3; k++) base.position[k] = STATE(POSITION + k);
@@ -35,15 +50,11 @@ DEVICE Base base_of(const float* state, u32 e) {
     for (int k = 0; k < 3; k++) base.linear[k] = STATE(LINEAR + k);
     for (int k = 0; k < 3; k++) base.angular[k] = STATE(ANGULAR + k);
 #if HAS_LEAD
-    // What LEAD seconds of the last acceleration change.
-    float a[3], once[3], twice[3];
-    for (int k = 0; k < 3; k++) a[k] = STATE(ACCELERATION + k);
-    float w = base.quaternion[0], x = base.quaternion[1], y = base.quaternion[2], z = base.quaternion[3];
-    once[0] = y * a[2] - z * a[1], once[1] = z * a[0] - x * a[2], once[2] = x * a[1] - y * a[0];
-    twice[0] = y * once[2] - z * once[1], twice[1] = z * once[0] - x * once[2], twice[2] = x * once[1] - y * once[0];
+    float angular[3], linear[3];
+    velocity_change(state, e, base.quaternion, angular, linear);
     for (int k = 0; k < 3; k++) {
-        base.angular[k] = base.angular[k] + LEAD * (a[k] + 2.0f * (twice[k] - w * once[k]));
-        base.linear[k] = base.linear[k] + LEAD * STATE(ACCELERATION + 3 + k);
+        base.angular[k] = base.angular[k] + angular[k];
+        base.linear[k] = base.linear[k] + linear[k];
     }
 #endif
     return base;

@@ -1,5 +1,7 @@
 //! The robots of a tile, in blocks of lanes.
 
+use std::ops::{Add, Mul, Sub};
+
 use gaitfit_physics::{
     Drive, IMU_READING, JointModification, Lanes, Params, Period, SensorPlaces, State, Tree, WIDEST, Work,
     memory_of, settle,
@@ -105,7 +107,9 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         }
         // A diverged robot's acceleration times 0 is no 0.
         let lead = Some(self.shared.tree.settings().lead()).filter(|&lead| lead != 0.0).map(T::lit);
-        let base = lead.map_or([[T::zero(); 3]; 2], |lead| velocity_change(state, lead));
+        let base = lead.map_or([[T::zero(); 3]; 2], |lead| {
+            velocity_change(state.base_acceleration, state.base_quaternion, [lead, T::lit(2.0)])
+        });
         for k in 0..3 {
             self.scatter(state.base_position[k], &mut motion.base_position, first, 3, k);
             self.scatter(state.base_angular[k] + base[0][k], &mut motion.base_angular, first, 3, k);
@@ -147,17 +151,27 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     }
 }
 
-/// What `seconds` of the last acceleration change in the base's angular (body frame) and linear velocity.
-fn velocity_change<T: Lanes>(state: &State<T>, seconds: T) -> [[T; 3]; 2] {
-    let [angular, linear] = state.base_acceleration;
-    let [w, x, y, z] = state.base_quaternion;
+/// What `seconds` of the last acceleration (angular and linear, world frame) change in the angular (body frame) and linear
+/// velocity of a base with orientation `quaternion`. `two`: 2.
+fn velocity_change<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>>(
+    [angular, linear]: [[T; 3]; 2],
+    quaternion: [T; 4],
+    [seconds, two]: [T; 2],
+) -> [[T; 3]; 2] {
+    let [w, x, y, z] = quaternion;
     // The inverse turn: v − 2 w (u × v) + 2 u × (u × v).
     let cross = |b: [T; 3]| [y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0]];
     let once = cross(angular);
     let twice = cross(once);
-    let two = T::lit(2.0);
     let body: [T; 3] = std::array::from_fn(|k| angular[k] + two * (twice[k] - w * once[k]));
     [body.map(|a| seconds * a), linear.map(|a| seconds * a)]
+}
+
+/// The number of one lane.
+fn lane_of<T: Lanes>(value: T, lane: usize) -> f32 {
+    let mut values = [0.0; WIDEST];
+    value.store(&mut values);
+    values[lane]
 }
 
 fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
@@ -201,27 +215,22 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
 
     fn correct(&mut self, environment: usize, reading: &Start) {
         let lane = environment % T::LANES;
-        let lead = self.shared.tree.settings().lead();
+        let lead = self.shared.tree.settings().lead() as f32;
         let state = &mut self.blocks[environment / T::LANES].state;
-        let [angular, linear] = velocity_change(state, T::lit(lead));
-        let joints = reading.joint_velocity.len();
-        let set = |number: &mut T, value: f32, change: T| {
-            let mut values = [0.0; WIDEST];
-            change.store(&mut values);
-            set_lane(number, lane, value - values[lane]);
-        };
+        let acceleration = state.base_acceleration.map(|vector| vector.map(|one| lane_of(one, lane)));
+        let quaternion = state.base_quaternion.map(|one| lane_of(one, lane));
+        let [angular, linear] = velocity_change(acceleration, quaternion, [lead, 2.0]);
         for k in 0..3 {
-            set(&mut state.base_position[k], reading.base_position[k], T::zero());
-            set(&mut state.base_angular[k], reading.base_angular[k], angular[k]);
-            set(&mut state.base_linear[k], reading.base_linear[k], linear[k]);
+            set_lane(&mut state.base_position[k], lane, reading.base_position[k]);
+            set_lane(&mut state.base_angular[k], lane, reading.base_angular[k] - angular[k]);
+            set_lane(&mut state.base_linear[k], lane, reading.base_linear[k] - linear[k]);
         }
-        for k in 0..4 {
-            set(&mut state.base_quaternion[k], reading.base_quaternion[k], T::zero());
+        for (number, &value) in state.base_quaternion.iter_mut().zip(&reading.base_quaternion) {
+            set_lane(number, lane, value);
         }
-        for j in 0..joints {
-            let change = T::lit(lead) * state.qacc[j];
-            set(&mut state.qpos[j], reading.joint_position[j], T::zero());
-            set(&mut state.qvel[j], reading.joint_velocity[j], change);
+        for (j, &velocity) in reading.joint_velocity.iter().enumerate() {
+            set_lane(&mut state.qpos[j], lane, reading.joint_position[j]);
+            set_lane(&mut state.qvel[j], lane, velocity - lead * lane_of(state.qacc[j], lane));
         }
     }
 
