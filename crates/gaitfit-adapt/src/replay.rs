@@ -124,6 +124,10 @@ impl Simulator for ReplaySimulator {
         self.threads
     }
 
+    fn shared(&self) -> Option<&(dyn Simulator + Sync)> {
+        Some(self)
+    }
+
     fn simulate(
         &self,
         theta: &Theta,

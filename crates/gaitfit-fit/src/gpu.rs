@@ -85,7 +85,7 @@ struct Gpu {
     reference: Option<Arc<Reference>>,
 }
 
-impl<S: OnGpu> GpuSimulator<S> {
+impl<S: OnGpu + Sync> GpuSimulator<S> {
     /// `host` on `devices`, which share the candidates; the host prepares them on `threads` threads.
     ///
     /// # Errors
@@ -198,9 +198,13 @@ fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
     Evaluation { cost: total.is_finite().then_some(total), falls }
 }
 
-impl<S: OnGpu> Simulator for GpuSimulator<S> {
+impl<S: OnGpu + Sync> Simulator for GpuSimulator<S> {
     fn identity(&self) -> &Identity {
         self.host.identity()
+    }
+
+    fn shared(&self) -> Option<&(dyn Simulator + Sync)> {
+        Some(self)
     }
 
     fn simulate(

@@ -1,24 +1,39 @@
 //! Short predictions, made on a GPU.
 
 #[cfg(feature = "cuda")]
-pub use with_cuda::GpuPredictions;
+pub use with_cuda::{GpuPredictions, Readings};
 
 /// A build without the feature `cuda` has no GPUs.
 #[cfg(not(feature = "cuda"))]
-pub use without_cuda::GpuPredictions;
+pub use without_cuda::{GpuPredictions, Readings};
 
 #[cfg(feature = "cuda")]
 mod with_cuda {
     use crate::walk::walking::Walking;
     use gaitfit_adapt::SimulatorError;
-    use gaitfit_cuda::fit::{FitError, Predictions, Tracks};
+    use gaitfit_cuda::fit::{FitError, Predictions, Tables, Tracks};
     use gaitfit_policy::follow::Track;
     use gaitfit_policy::predict::{Course, Job};
-    use std::sync::{Arc, Mutex, PoisonError};
+    use std::sync::{Arc, OnceLock};
+
+    /// What the sensors of some logs read.
+    pub struct Readings {
+        /// One for each log; empty if a log lacks the readings of an IMU.
+        pub courses: Vec<Course>,
+        /// The same for a GPU.
+        tables: OnceLock<Arc<Tables>>,
+    }
+
+    impl Readings {
+        /// Of some logs.
+        pub fn new(courses: Vec<Course>) -> Self {
+            Self { courses, tables: OnceLock::new() }
+        }
+    }
 
     /// Predicts the logs of all simulators of a walking robot, on the first GPU of a fit.
     #[derive(Default)]
-    pub struct GpuPredictions(Mutex<Option<Predictions>>);
+    pub struct GpuPredictions(OnceLock<Predictions>);
 
     impl GpuPredictions {
         /// Has every job predict every course and calls `consume(job, course, track)` once for each, from any thread. Of a
@@ -29,19 +44,20 @@ mod with_cuda {
         pub fn predict(
             &self,
             walking: &Walking,
-            courses: &Arc<[Course]>,
+            readings: &Readings,
             jobs: &[Job],
             consume: &(dyn Fn(usize, usize, &Track) + Sync),
             cancel: &(dyn Fn() -> bool + Sync),
         ) -> Result<bool, SimulatorError> {
             let Some(gpu) = walking.gpus.first() else { return Ok(false) };
-            let mut predictions = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-            let predictions = predictions.get_or_insert_with(|| Predictions::new(gpu, walking.threads));
-            let joints = walking.task.walker.joints.len();
+            let (walker, Readings { courses, tables }) = (&walking.task.walker, readings);
+            let predictions = self.0.get_or_init(|| Predictions::new(gpu, walking.threads));
+            let tables = tables.get_or_init(|| Arc::new(Tables::predict(walker, courses)));
+            let joints = walker.joints.len();
             let pass = |job: usize, course: usize, tracks: Tracks<'_>| {
                 consume(job, course, &track(joints, &tracks));
             };
-            match predictions.run(&walking.task.walker, courses, jobs, &pass, cancel) {
+            match predictions.run(walker, (tables, courses), jobs, &pass, cancel) {
                 Ok(()) => Ok(true),
                 Err(FitError::Unsupported(_)) => Ok(false),
                 Err(FitError::Cancelled) => Err(SimulatorError::Cancelled),
@@ -66,7 +82,19 @@ mod without_cuda {
     use gaitfit_adapt::SimulatorError;
     use gaitfit_policy::follow::Track;
     use gaitfit_policy::predict::{Course, Job};
-    use std::sync::Arc;
+
+    /// What the sensors of some logs read.
+    pub struct Readings {
+        /// One for each log; empty if a log lacks the readings of an IMU.
+        pub courses: Vec<Course>,
+    }
+
+    impl Readings {
+        /// Of some logs.
+        pub fn new(courses: Vec<Course>) -> Self {
+            Self { courses }
+        }
+    }
 
     /// It predicts nothing.
     #[derive(Default)]
@@ -80,7 +108,7 @@ mod without_cuda {
         pub fn predict(
             &self,
             _: &Walking,
-            _: &Arc<[Course]>,
+            _: &Readings,
             _: &[Job],
             _: &(dyn Fn(usize, usize, &Track) + Sync),
             _: &(dyn Fn() -> bool + Sync),

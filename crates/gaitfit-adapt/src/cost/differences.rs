@@ -22,6 +22,13 @@ impl<'a> Differences<'a> {
         self.weights.signals().map(scaled).sum()
     }
 
+    /// Numbers of all recordings together.
+    pub fn count(&self) -> usize {
+        let reference = self.reference;
+        let samples = |recording: usize| reference.samples(recording).saturating_sub(reference.skip());
+        self.width() * (0..reference.recordings()).map(samples).sum::<usize>()
+    }
+
     /// Those of recording number `recording`: `samples × width`, row-major, without the samples that do not count. Units
     /// are those in which the robot's range is 2; a sample lost to a fall is off by the whole range.
     ///

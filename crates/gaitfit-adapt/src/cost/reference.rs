@@ -4,6 +4,7 @@ use super::{CostError, Signal};
 use crate::Signals;
 use crate::checksum::Sum;
 use gaitfit_log::Trajectory;
+use std::sync::OnceLock;
 
 /// Ranges below this (rad, rad/s, unitless) count as constant: nothing of a joint's motion is that small, and the
 /// scale 2 / range would blow rounding errors up to the size of real differences.
@@ -90,8 +91,37 @@ pub struct Dimension {
     /// 2 / (max − min), which maps the robot's range to [−1, 1]; `None` if the robot's value is constant or not
     /// compared. The shift is −(max + min) / (max − min); it cancels in every distance and is not stored.
     pub scale: Option<f64>,
-    /// All samples, ascending.
-    pub(crate) sorted: Vec<f64>,
+    samples: Samples,
+}
+
+/// Samples of all recordings, which are sorted when they are first asked for: costs of single samples never do.
+#[derive(Clone, Debug)]
+struct Samples {
+    recorded: Vec<f64>,
+    ascending: OnceLock<Vec<f64>>,
+}
+
+impl PartialEq for Samples {
+    fn eq(&self, other: &Self) -> bool {
+        self.recorded == other.recorded
+    }
+}
+
+impl Samples {
+    /// One column of all matrices.
+    fn new(matrices: &[Vec<f64>], column: usize, width: usize) -> Self {
+        let of_matrix = |matrix: &Vec<f64>| matrix.iter().skip(column).step_by(width).copied().collect();
+        let recorded: Vec<Vec<f64>> = matrices.iter().map(of_matrix).collect();
+        Self { recorded: recorded.concat(), ascending: OnceLock::new() }
+    }
+
+    fn ascending(&self) -> &[f64] {
+        self.ascending.get_or_init(|| {
+            let mut samples = self.recorded.clone();
+            samples.sort_unstable_by(f64::total_cmp);
+            samples
+        })
+    }
 }
 
 /// The matrices and dimensions of one signal.
@@ -299,7 +329,7 @@ impl Reference {
             let chosen: Vec<Vec<f64>> =
                 recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
             let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
-                sorted: sorted(&chosen, column, signal.dimensions.len()),
+                samples: Samples::new(&chosen, column, signal.dimensions.len()),
                 ..*dimension
             });
             ReferenceSignal { dimensions: dimensions.collect(), recordings: chosen }
@@ -374,23 +404,18 @@ impl Dimension {
 
     /// All samples that count, ascending.
     pub fn sorted(&self) -> &[f64] {
-        &self.sorted
+        self.samples.ascending()
     }
 
     fn new(matrices: &[Vec<f64>], column: usize, width: usize) -> Self {
-        let sorted = sorted(matrices, column, width);
-        let (min, max) = (sorted[0], sorted[sorted.len() - 1]);
+        let samples = Samples::new(matrices, column, width);
+        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+        for &sample in &samples.recorded {
+            (min, max) = (min.min(sample), max.max(sample));
+        }
         let range = max - min;
-        Self { min, max, scale: (range >= MIN_RANGE).then(|| 2.0 / range), sorted }
+        Self { min, max, scale: (range >= MIN_RANGE).then(|| 2.0 / range), samples }
     }
-}
-
-/// One column of all matrices, ascending.
-fn sorted(matrices: &[Vec<f64>], column: usize, width: usize) -> Vec<f64> {
-    let mut values: Vec<f64> =
-        matrices.iter().flat_map(|matrix| matrix.iter().skip(column).step_by(width).copied()).collect();
-    values.sort_unstable_by(f64::total_cmp);
-    values
 }
 
 #[cfg(test)]

@@ -107,7 +107,7 @@ impl Pools<'_> {
             let dimension = reference.dimensions(signal).and_then(|all| all.get(column));
             let (Some(pool), Some(dimension)) = (pool, dimension) else { return f64::NAN };
             sort_keys(pool, scratch);
-            wasserstein1_keys(pool, &dimension.sorted)
+            wasserstein1_keys(pool, dimension.sorted())
         }))
     }
 }

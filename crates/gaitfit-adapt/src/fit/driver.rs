@@ -8,6 +8,7 @@ use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
 use crate::{Cancel, Resets, Simulator, Theta};
 use gaitfit_random::{Purpose, derive_seed};
+use gaitfit_sim::pool;
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
@@ -265,25 +266,13 @@ impl<'a> Fit<'a> {
         if active.is_empty() {
             return Ok(None);
         }
-        // A run that finds its own candidates takes its step on a copy: if a later one is cancelled, none has moved.
-        let mut stepped = Vec::new();
+        let stepped = self.own_steps(&active, cancel)?;
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
         for &index in &active {
             let run = &mut self.runs[index];
             let (cost, seed, generation) = (run.cost, run.seed, run.generation());
-            let Some(asked) = run.ask() else {
-                let mut moved = run.clone();
-                let problem = Problem {
-                    simulator: self.simulator,
-                    theta: self.theta,
-                    cost: self.costs[cost].as_ref(),
-                    draw: RandomNumbers::Run.draw(seed, 0, 0),
-                    cancel,
-                };
-                stepped.extend(moved.step(&problem, &self.options)?.map(|done| (index, moved, done)));
-                continue;
-            };
+            let Some(asked) = run.ask() else { continue };
             sizes.push((index, asked.len()));
             jobs.extend(asked.into_iter().enumerate().map(|(candidate, values)| Job {
                 cost,
@@ -314,6 +303,30 @@ impl<'a> Fit<'a> {
         let reports = reports.into_iter().map(|(_, report)| report).collect();
         self.generation = generation;
         Ok(Some(Generation { generation, evaluations, runs: reports }))
+    }
+
+    /// The steps of those of the runs `active` that find their own candidates: each run's number, the run after its step, and
+    /// what it did. The runs take their steps beside each other, on copies: if one is cancelled, none has moved.
+    #[allow(clippy::type_complexity, reason = "a list of three")]
+    fn own_steps(
+        &self,
+        active: &[usize],
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<(usize, Run, (RunGeneration, usize))>, FitError> {
+        let own: Vec<usize> = active.iter().copied().filter(|&run| self.runs[run].finds_its_own()).collect();
+        let (theta, costs, options, runs) = (self.theta, self.costs, &self.options, &self.runs);
+        let step = |simulator: &dyn Simulator, index: usize| {
+            let mut moved = runs[index].clone();
+            let cost = costs[moved.cost].as_ref();
+            let draw = RandomNumbers::Run.draw(moved.seed, 0, 0);
+            let done = moved.step(&Problem { simulator, theta, cost, draw, cancel }, options)?;
+            Ok(done.map(|done| (index, moved, done)))
+        };
+        let steps: Vec<_> = match self.simulator.shared() {
+            Some(shared) => pool::map(own.len(), shared.threads(), |number| step(shared, own[number])),
+            None => own.iter().map(|&index| step(self.simulator, index)).collect(),
+        };
+        steps.into_iter().filter_map(Result::transpose).collect()
     }
 
     /// Smallest value so far of each cost, in the order of the costs.

@@ -96,6 +96,11 @@ impl Run {
         Some(candidates)
     }
 
+    /// Whether the run finds its own candidates, see [`Self::step`].
+    pub fn finds_its_own(&self) -> bool {
+        matches!(self.by, By::LeastSquares(_))
+    }
+
     /// One step of least squares, and the candidates it took; `None` of a run that asks for its candidates.
     ///
     /// # Errors

@@ -7,7 +7,7 @@ use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
 
 use super::session::{Physics, Session};
-use super::{Begin, FitError, Numbers, Readings, Structure, Subject, Tables};
+use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
 /// Max number of candidates whose signals are brought to the host at once.
@@ -68,17 +68,6 @@ pub struct Candidates {
     known: Vec<Physics>,
 }
 
-/// What candidates begin with.
-#[derive(Clone, Copy)]
-enum Beginnings<'a> {
-    /// The tables' starts.
-    Tables,
-    /// For each job, how it begins each recording.
-    Logs(&'a [Vec<Begin>]),
-    /// What the sensors read.
-    Readings(Readings<'a>),
-}
-
 impl Candidates {
     /// On `device`. `threads`: of the host, for what it prepares.
     ///
@@ -104,16 +93,19 @@ impl Candidates {
     ///
     /// # Errors
     /// A failure of the GPU.
-    pub(super) fn set_tables(&mut self, tables: Tables) -> Result<(), FitError> {
+    pub(super) fn set_tables(&mut self, tables: &Arc<Tables>) -> Result<(), FitError> {
+        if Arc::ptr_eq(&self.tables, tables) {
+            return Ok(());
+        }
         if tables.has_sizes_of(&self.tables) {
             for session in &mut self.sessions {
-                session.write_tables(&self.stream, &tables)?;
+                session.write_tables(&self.stream, tables)?;
             }
         } else {
             self.sessions.clear();
         }
         self.measured = None;
-        self.tables = Arc::new(tables);
+        self.tables = Arc::clone(tables);
         Ok(())
     }
 
@@ -162,7 +154,7 @@ impl Candidates {
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 let distances = now.iter().filter(|&&job| compared[job] == Compared::Distances).count();
-                self.run(subject, session, now, jobs, Beginnings::Tables)?;
+                self.run(subject, session, now, jobs, None)?;
                 let (near, squares, ends) = self.sessions[session].compare(
                     &self.stream,
                     distances,
@@ -192,7 +184,7 @@ impl Candidates {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), FitError> {
-        self.walks(subject, jobs, Beginnings::Tables, MAX_SHOWN, consume, cancel)
+        self.walks(subject, jobs, None, MAX_SHOWN, consume, cancel)
     }
 
     /// As [`Candidates::tracks`], for robots that make logs, on tables of [`Tables::for_logs`]. `begins[job][recording]` states how
@@ -224,7 +216,7 @@ impl Candidates {
             let found = begin.earlier as usize;
             return Err(FitError::Length { what: "samples before a recording", expected: max, found });
         }
-        self.walks(subject, jobs, Beginnings::Logs(begins), self.shown(subject), consume, cancel)
+        self.walks(subject, jobs, Some(begins), self.shown(subject), consume, cancel)
     }
 
     /// Max number of candidates whose signals come to the host at once.
@@ -233,27 +225,34 @@ impl Candidates {
         (MAX_SHOWN_BYTES / each.max(1)).max(1)
     }
 
-    /// As [`Candidates::tracks`], for predictions, on tables of [`Tables::predict`] of the same readings.
+    /// Runs predictions of the first of `wanted` candidates like `example`, as many as there is room for, and returns how many.
+    /// `numbers`: of all of them. `signals` gets theirs.
     ///
     /// # Errors
     /// As [`Candidates::parts`].
     pub(super) fn predict(
         &mut self,
-        jobs: &[Job],
-        readings: Readings<'_>,
-        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
-        cancel: &(dyn Fn() -> bool + Sync),
-    ) -> Result<(), FitError> {
-        let subject = Subject::Predict(readings.walker);
-        self.walks(subject, jobs, Beginnings::Readings(readings), self.shown(subject), consume, cancel)
+        subject: Subject<'_>,
+        example: &Job,
+        numbers: Numbers,
+        wanted: usize,
+        signals: &mut Vec<f32>,
+    ) -> Result<usize, FitError> {
+        let room = wanted.min(self.shown(subject));
+        let session = self.session(subject, &Structure::new(&example.candidate), example, room)?;
+        let session = &mut self.sessions[session];
+        let now = room.min(session.capacity());
+        session.run(&self.stream, &numbers.repeated(wanted, session.capacity()))?;
+        session.read_signals(&self.stream, now, signals)?;
+        Ok(now)
     }
 
-    /// [`Candidates::tracks`], [`Candidates::make_logs`] or [`Candidates::predict`]. `shown`: max number of candidates at once.
+    /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: max number of candidates at once.
     fn walks(
         &mut self,
         subject: Subject<'_>,
         jobs: &[Job],
-        begins: Beginnings<'_>,
+        begins: Option<&[Vec<Begin>]>,
         shown: usize,
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
@@ -348,23 +347,15 @@ impl Candidates {
         session: usize,
         now: &[usize],
         jobs: &[Job],
-        begins: Beginnings<'_>,
+        begins: Option<&[Vec<Begin>]>,
     ) -> Result<(), FitError> {
         let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
         let session = &mut self.sessions[session];
         let mut numbers =
             Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
-        match begins {
-            Beginnings::Tables => {}
-            Beginnings::Logs(begins) => {
-                let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
-                numbers = numbers.beginning(&begins);
-            }
-            Beginnings::Readings(readings) => {
-                let trust: Vec<f64> = now.iter().map(|&job| readings.trust[job]).collect();
-                let readings = Readings { trust: &trust, ..readings };
-                numbers = numbers.predicting(&chosen, &readings, self.threads);
-            }
+        if let Some(begins) = begins {
+            let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
+            numbers = numbers.beginning(&begins);
         }
         session.run(&self.stream, &numbers)
     }

@@ -101,29 +101,50 @@ pub struct Readings<'a> {
 }
 
 impl Numbers {
-    /// The same numbers with the first states of these predictions, and with the trust in standing feet. They repeat as the
-    /// jobs do.
+    /// The same numbers of `jobs` with the first states of their predictions, and with the trust in standing feet.
     #[must_use]
     pub fn predicting(mut self, jobs: &[Job], readings: &Readings<'_>, threads: usize) -> Self {
-        let candidates = self.begins.len();
         let Readings { walker, courses, trust } = *readings;
         // Candidates with the same errors of sensors begin alike.
-        let same = |one: &Job, other: &Job| {
+        let alike = |one: &Job, other: &Job| {
             one.candidate.robot.encoder_bias == other.candidate.robot.encoder_bias
                 && one.candidate.sensors == other.candidate.sensors
         };
         let first: Vec<usize> =
-            jobs.iter().map(|job| jobs.iter().position(|other| same(job, other)).unwrap_or(0)).collect();
-        let begun = pool::map(jobs.len(), threads, |job| {
-            let own = first[job] == job;
-            let courses = courses.iter().filter(|_| own);
+            jobs.iter().map(|job| jobs.iter().position(|other| alike(job, other)).unwrap_or(0)).collect();
+        let begun: Vec<Vec<f32>> = pool::map(jobs.len(), threads, |job| {
+            let courses = courses.iter().filter(|_| first[job] == job);
             courses.flat_map(|course| tables::numbers(&course.first(walker, &jobs[job].candidate))).collect()
         });
-        let begun: Vec<Vec<f32>> = begun;
-        self.starts =
-            (0..candidates).flat_map(|place| begun[first[place % jobs.len()]].iter().copied()).collect();
-        self.trust = (0..candidates).map(|place| trust[place % jobs.len()]).collect();
+        self.starts = first.iter().flat_map(|&job| begun[job].iter().copied()).collect();
+        self.trust = trust.to_vec();
         self
+    }
+}
+
+impl Numbers {
+    /// These numbers of `jobs` candidates, repeated or cut until there are `count`.
+    #[must_use]
+    pub fn repeated(self, jobs: usize, count: usize) -> Self {
+        fn repeat<T: Clone>(numbers: Vec<T>, jobs: usize, count: usize) -> Vec<T> {
+            if jobs == count {
+                return numbers;
+            }
+            let each = numbers.len() / jobs.max(1);
+            numbers.into_iter().cycle().take(each * count).collect()
+        }
+        Self {
+            params: repeat(self.params, jobs, count),
+            factors: repeat(self.factors, jobs, count),
+            every: repeat(self.every, jobs, count),
+            seeds: repeat(self.seeds, jobs, count),
+            begins: repeat(self.begins, jobs, count),
+            starts: repeat(self.starts, jobs, count),
+            trust: repeat(self.trust, jobs, count),
+            deviation: repeat(self.deviation, jobs, count),
+            imus: repeat(self.imus, jobs, count),
+            weights: repeat(self.weights, jobs, count),
+        }
     }
 }
 

@@ -272,6 +272,19 @@ impl Session {
         }
     }
 
+    /// Signals of the first `candidates`, as [`Session::read`] has them.
+    pub fn read_signals(
+        &self,
+        stream: &Stream,
+        candidates: usize,
+        signals: &mut Vec<f32>,
+    ) -> Result<(), CudaError> {
+        let Some((from, _)) = self.results() else { return Ok(()) };
+        let each = from.len() / self.capacity().max(1);
+        signals.resize(candidates * each, 0.0);
+        from.read_first_into(stream, signals)
+    }
+
     /// Compares the candidates: distances of the first `distances` of them and of the first `compared` dimensions; sums of
     /// squares of all, if `squares`. Each is `candidates × dimensions`. With them, where each recording ended.
     #[allow(clippy::type_complexity, reason = "three lists of numbers")]

@@ -178,6 +178,17 @@ impl<T: Number> Buffer<T> {
         Ok(numbers)
     }
 
+    /// As [`Buffer::read_into`], but only as many numbers as there is room for.
+    ///
+    /// # Errors
+    /// As [`Buffer::read`], or [`CudaError::Length`] if there are fewer.
+    pub fn read_first_into(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
+        if numbers.len() > self.length {
+            self.expect(numbers.len())?;
+        }
+        self.read_beginning(stream, numbers)
+    }
+
     /// Fills `numbers` from the beginning of the buffer. `numbers` is not longer than the buffer.
     fn read_beginning(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
         if numbers.is_empty() {

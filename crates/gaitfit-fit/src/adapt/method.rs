@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// The simulator on these GPUs, if there are some.
 #[cfg(feature = "cuda")]
-fn on<S: OnGpu + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<dyn Simulator>, Error> {
+fn on<S: OnGpu + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<dyn Simulator>, Error> {
     Ok(match gpus {
         [] => Box::new(simulator),
         gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(crate::device::fit_error)?),

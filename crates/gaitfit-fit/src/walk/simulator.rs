@@ -2,6 +2,7 @@
 
 use super::reference;
 use super::walking::Walking;
+use crate::gpu_predictions::Readings;
 use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
@@ -24,8 +25,8 @@ pub struct WalkSimulator {
     scripts: Vec<Script>,
     /// Rows that logs lost, one entry for each log; empty if no log lost rows.
     filled: Vec<Filled>,
-    /// The readings of the logs' sensors; empty if a log lacks those of an IMU.
-    courses: Arc<[Course]>,
+    /// The readings of the logs' sensors.
+    readings: Readings,
     /// How much standing feet are trusted to show how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
     /// Joints of the model, which θ names.
@@ -42,10 +43,7 @@ impl WalkSimulator {
             base,
             filled: Vec::new(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
-            courses: pool::map(logs.len(), walking.threads, |log| course(&walking.task.walker, logs[log]))
-                .into_iter()
-                .map_while(|course| course)
-                .collect(),
+            readings: readings(&walking, logs),
             feet_trust: predict::FEET_TRUST,
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
@@ -109,6 +107,10 @@ impl Simulator for WalkSimulator {
         self.walking.threads
     }
 
+    fn shared(&self) -> Option<&(dyn Simulator + Sync)> {
+        Some(self)
+    }
+
     fn simulate(
         &self,
         theta: &Theta,
@@ -131,10 +133,10 @@ impl Simulator for WalkSimulator {
                 }
             }
         }
-        if !corrected.is_empty() && self.courses.len() < self.scripts.len() {
+        if !corrected.is_empty() && self.readings.courses.len() < self.scripts.len() {
             return Err(SimulatorError::failed(format!(
                 "the cost needs what an IMU measures, and log {} of {} lacks it: columns {IMU_COLUMNS}",
-                self.courses.len() + 1,
+                self.readings.courses.len() + 1,
                 self.scripts.len()
             )));
         }
@@ -169,9 +171,8 @@ impl Simulator for WalkSimulator {
             }
             _ => pass(places[job], course, track),
         };
-        let (courses, gpu) = (&self.courses, &self.walking.predictions);
-        if !gpu.predict(&self.walking, courses, &jobs, &to, cancel)? {
-            predict::predict(walker, courses, &jobs, threads, &to, cancel).map_err(SimulatorError::failed)?;
+        if !self.walking.predictions.predict(&self.walking, &self.readings, &jobs, &to, cancel)? {
+            predict::predict(walker, &self.readings.courses, &jobs, threads, &to, cancel).map_err(SimulatorError::failed)?;
         }
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
@@ -254,6 +255,12 @@ fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
 /// The columns of a log with the readings of an IMU.
 pub const IMU_COLUMNS: &str =
     "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
+
+/// The readings of the logs' sensors, up to the first log that lacks those of an IMU.
+fn readings(walking: &Walking, logs: &[&Trajectory]) -> Readings {
+    let courses = pool::map(logs.len(), walking.threads, |log| course(&walking.task.walker, logs[log]));
+    Readings::new(courses.into_iter().map_while(|course| course).collect())
+}
 
 /// The readings of the log's sensors; `None` without attitude and rates.
 fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {

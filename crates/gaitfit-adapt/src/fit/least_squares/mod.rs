@@ -235,24 +235,24 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
         };
         steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
     }
-    let numbers = |one: &Residuals| one.recordings.iter().map(Vec::len).sum::<usize>();
-    let first = problem.residuals(&candidates[..1])?.pop().flatten();
-    let Some(residuals) = first else { return Ok(None) };
-    problem.check(numbers(&residuals), candidates.len())?;
+    let differences = problem.differences()?;
+    problem.check(differences.count(), candidates.len())?;
     if let Some(columns) = problem.derivatives(values)? {
-        let jacobian = Jacobian::exact(columns, problem.differences()?.width());
+        let first = problem.residuals(&candidates[..1])?.pop().flatten();
+        let Some(residuals) = first else { return Ok(None) };
+        let jacobian = Jacobian::exact(columns, differences.width());
         return Ok(Some(Around { residuals, jacobian, evaluations: 1 + theta.len() }));
     }
-    let neighbours: Option<Vec<Residuals>> = problem.residuals(&candidates[1..])?.into_iter().collect();
-    let Some(neighbours) = neighbours else { return Ok(None) };
-    let mut neighbours = neighbours.into_iter();
+    let all: Option<Vec<Residuals>> = problem.residuals(&candidates)?.into_iter().collect();
+    let mut all = all.into_iter().flatten();
+    let Some(residuals) = all.next() else { return Ok(None) };
     let mut pairs = Vec::with_capacity(steps.len());
-    while let (Some(up), Some(down)) = (neighbours.next(), neighbours.next()) {
+    while let (Some(up), Some(down)) = (all.next(), all.next()) {
         pairs.push((up, down, steps[pairs.len()]));
     }
     Ok(Some(Around {
         residuals,
-        jacobian: Jacobian::new(&pairs, problem.differences()?.width(), problem.simulator.threads()),
+        jacobian: Jacobian::new(&pairs, differences.width(), problem.simulator.threads()),
         evaluations: candidates.len(),
     }))
 }
