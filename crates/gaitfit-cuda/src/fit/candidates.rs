@@ -238,10 +238,16 @@ impl Candidates {
         wanted: usize,
         signals: &mut Vec<f32>,
     ) -> Result<usize, FitError> {
-        let room = wanted.min(self.shown(subject));
-        let session = self.session(subject, &Structure::new(&example.candidate), example, room)?;
+        let structure = Structure::new(&example.candidate);
+        // A session of a few sizes each, for a session takes as long for one candidate as for all that it has room for.
+        let room = wanted.min(self.shown(subject)).next_power_of_two();
+        let there = |session: &Session| session.physics.structure == structure && session.asked == room;
+        let session = match self.sessions.iter().position(there) {
+            Some(there) => there,
+            None => self.new_session(subject, &structure, example, room)?,
+        };
         let session = &mut self.sessions[session];
-        let now = room.min(session.capacity());
+        let now = wanted.min(session.capacity());
         session.run(&self.stream, &numbers.repeated(wanted, session.capacity()))?;
         session.read_signals(&self.stream, now, signals)?;
         Ok(now)
@@ -323,17 +329,28 @@ impl Candidates {
         {
             return Ok(there);
         }
-        let physics = match there {
+        if let Some(there) = there {
             // The memory of a smaller one is free for the larger.
-            Some(there) => self.sessions.remove(there).physics,
-            None => match self.known.iter().find(|known| known.structure == *structure) {
-                Some(known) => known.clone(),
-                None => {
-                    let physics = Physics::new(subject, &example.candidate)?;
-                    self.known.push(physics.clone());
-                    physics
-                }
-            },
+            self.sessions.remove(there);
+        }
+        self.new_session(subject, structure, example, wanted)
+    }
+
+    /// Makes a session for `wanted` candidates like `example`, or as many as fit; its number.
+    fn new_session(
+        &mut self,
+        subject: Subject<'_>,
+        structure: &Structure,
+        example: &Job,
+        wanted: usize,
+    ) -> Result<usize, FitError> {
+        let physics = match self.known.iter().find(|known| known.structure == *structure) {
+            Some(known) => known.clone(),
+            None => {
+                let physics = Physics::new(subject, &example.candidate)?;
+                self.known.push(physics.clone());
+                physics
+            }
         };
         let (tables, measured) = (&self.tables, self.measured.as_deref());
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;

@@ -123,6 +123,24 @@ impl Numbers {
 }
 
 impl Numbers {
+    /// The numbers of several lists of candidates, one after the other.
+    pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
+        let mut all = Self::default();
+        for part in parts {
+            all.params.extend(&part.params);
+            all.factors.extend(&part.factors);
+            all.every.extend(&part.every);
+            all.seeds.extend(&part.seeds);
+            all.begins.extend(&part.begins);
+            all.starts.extend(&part.starts);
+            all.trust.extend(&part.trust);
+            all.deviation.extend(&part.deviation);
+            all.imus.extend(&part.imus);
+            all.weights.extend(part.weights.iter().cloned());
+        }
+        all
+    }
+
     /// These numbers of `jobs` candidates, repeated or cut until there are `count`.
     #[must_use]
     pub fn repeated(self, jobs: usize, count: usize) -> Self {

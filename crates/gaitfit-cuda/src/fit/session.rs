@@ -98,7 +98,10 @@ impl Session {
         let environments = candidates * recordings;
         let batch = Batch::new(device, &physics.period, environments, candidates)?;
         // One wave of blocks, if it can be.
-        let rows = environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS);
+        let rows = match subject {
+            Subject::Predict(_) => 4,
+            _ => environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS),
+        };
         let (samples, tiles) = (tables.samples, batch.tiles());
         // Few robots want many threads; of many, threads that read each weight for several of them.
         let group = if environments > MAX_ROWS * processors { rows } else { 4 };

@@ -19,7 +19,7 @@ fn scale_maps_the_counted_range_to_two_and_names_constants() {
     let reference = Reference::new(names(&["hip", "calf"]), &runs, 1).unwrap();
     let hip = &reference.dimensions(Signal::Position).unwrap()[0];
     assert_eq!((hip.min, hip.max, hip.scale), (-1.0, 3.0, Some(0.5)));
-    assert_eq!(hip.sorted, [-1.0, 0.0, 3.0]);
+    assert_eq!(hip.sorted(), [-1.0, 0.0, 3.0]);
     assert_eq!(reference.constant(), [(Signal::Position, "calf")]);
     assert_eq!((reference.samples(0), reference.samples(1), reference.samples(2)), (3, 2, 0));
     assert!(!reference.has(Signal::Action));
