@@ -9,7 +9,9 @@ mod simulator;
 mod theta;
 
 pub use replay::ReplaySimulator;
-pub use simulator::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, never};
+pub use simulator::{
+    Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, never,
+};
 pub use theta::{
     Defaults, Entry, Found, JointParameter, LinearSpring, Modification, NetworkName, NetworkRule,
     NetworkStart, ParameterRule, Prior, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing,

@@ -106,6 +106,9 @@ impl Identity {
     }
 }
 
+/// A simulator that several threads may use at once.
+pub type SharedSimulator = dyn Simulator + Send + Sync;
+
 /// Simulates a fixed set of recordings with candidate robots.
 pub trait Simulator {
     /// The content of the simulations. A simulator that wraps another one returns the identity of that one.
@@ -142,7 +145,7 @@ pub trait Simulator {
     }
 
     /// This simulator, if several threads may simulate at once.
-    fn shared(&self) -> Option<&(dyn Simulator + Sync)> {
+    fn shared(&self) -> Option<&SharedSimulator> {
         None
     }
 

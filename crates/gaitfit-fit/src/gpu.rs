@@ -4,7 +4,7 @@ use crate::walk::simulator::WalkSimulator;
 use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
 use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
-    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta,
 };
 use gaitfit_cuda::fit::{Compared, FitError as GpuError, Measured, MultiGpu, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
@@ -85,7 +85,7 @@ struct Gpu {
     reference: Option<Arc<Reference>>,
 }
 
-impl<S: OnGpu + Sync> GpuSimulator<S> {
+impl<S: OnGpu + Send + Sync> GpuSimulator<S> {
     /// `host` on `devices`, which share the candidates; the host prepares them on `threads` threads.
     ///
     /// # Errors
@@ -198,12 +198,12 @@ fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
     Evaluation { cost: total.is_finite().then_some(total), falls }
 }
 
-impl<S: OnGpu + Sync> Simulator for GpuSimulator<S> {
+impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
     fn identity(&self) -> &Identity {
         self.host.identity()
     }
 
-    fn shared(&self) -> Option<&(dyn Simulator + Sync)> {
+    fn shared(&self) -> Option<&SharedSimulator> {
         Some(self)
     }
 

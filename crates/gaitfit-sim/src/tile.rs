@@ -29,7 +29,7 @@ pub trait Robots: Send {
     /// [`Tile::place`].
     fn place(&mut self, environment: usize, start: &Start);
     /// [`Tile::correct`].
-    fn correct(&mut self, environment: usize, reading: &Start);
+    fn correct(&mut self, readings: &[(usize, Start)]);
     /// [`Tile::push`].
     fn push(&mut self, environment: usize, velocity: [f32; 3]);
     /// [`Tile::step`].
@@ -69,10 +69,11 @@ impl Tile<'_> {
         self.robots.place(environment, start);
     }
 
-    /// Moves a robot to the state that its sensors are known to read, in midst of its motion: it keeps the targets sent
-    /// and the accelerations that the solver starts from. Joint angles are the true ones, without encoder bias.
-    pub fn correct(&mut self, environment: usize, reading: &Start) {
-        self.robots.correct(environment, reading);
+    /// Moves robots, by their numbers, to the states that their sensors are known to read, in midst of their motion: they keep
+    /// the targets sent and the accelerations that the solver starts from. Joint angles are the true ones, without encoder bias.
+    /// It is faster if the numbers ascend.
+    pub fn correct(&mut self, readings: &[(usize, Start)]) {
+        self.robots.correct(readings);
     }
 
     /// Adds `velocity` (m/s, world frame) to a robot's base.

@@ -230,7 +230,7 @@ impl Plan {
                     "signals",
                     "ends",
                 ];
-                self.launch("predict", Shape::new(blocks, THREADS_OF_GROUP), &numbers, &arrays)
+                self.launch("predict", Shape::new(blocks, 2 * THREADS_OF_GROUP), &numbers, &arrays)
             }
             Step::Replay => {
                 let shape = Shape::cover(self.places * self.joints, THREADS);

@@ -99,7 +99,7 @@ impl Session {
         let batch = Batch::new(device, &physics.period, environments, candidates)?;
         // One wave of blocks, if it can be.
         let rows = match subject {
-            Subject::Predict(_) => 4,
+            Subject::Predict(_) => MAX_ROWS,
             _ => environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS),
         };
         let (samples, tiles) = (tables.samples, batch.tiles());

@@ -4,7 +4,7 @@ use super::method::Method;
 use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Preset};
-use gaitfit_adapt::Simulator;
+use gaitfit_adapt::SharedSimulator;
 use gaitfit_adapt::fit::Alternative;
 use gaitfit_sim::Candidate;
 
@@ -17,7 +17,7 @@ pub type Alternatives = Vec<Other>;
 pub struct Other {
     /// How it differs, in words.
     what: String,
-    simulator: Box<dyn Simulator>,
+    simulator: Box<SharedSimulator>,
     /// Whether it differs in what a correction by simulated logs takes away.
     pub corrected: bool,
 }
@@ -29,7 +29,7 @@ impl Other {
     }
 
     /// The same with what `share` makes of its simulator.
-    pub(super) fn with(self, share: impl FnOnce(Box<dyn Simulator>) -> Box<dyn Simulator>) -> Self {
+    pub(super) fn with(self, share: impl FnOnce(Box<SharedSimulator>) -> Box<SharedSimulator>) -> Self {
         Self { simulator: share(self.simulator), ..self }
     }
 

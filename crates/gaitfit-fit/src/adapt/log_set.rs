@@ -5,7 +5,7 @@ use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::falling::Falling;
-use gaitfit_adapt::Simulator;
+use gaitfit_adapt::SharedSimulator;
 use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
 use gaitfit_sim::Candidate;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ pub struct LogSet {
     /// The logs.
     pub logs: Vec<Log>,
     /// Simulates them.
-    pub simulator: Box<dyn Simulator>,
+    pub simulator: Box<SharedSimulator>,
     /// Their measured side.
     pub reference: Arc<Reference>,
     /// How often their robot falls.
@@ -52,7 +52,7 @@ impl LogSet {
     }
 
     fn simulated_by(
-        simulator: Box<dyn Simulator>,
+        simulator: Box<SharedSimulator>,
         config: &AdaptConfig,
         method: &Method,
         logs: Vec<Log>,
@@ -79,13 +79,13 @@ impl LogSet {
 
     /// The same logs, compared in the scaling of `other` and with the falls of its robot.
     pub fn scaled_as(self, other: &Self) -> Self {
-        let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
+        let reference = Arc::unwrap_or_clone(self.reference).scaled_as(&other.reference);
         Self { reference: Arc::new(reference), ..self }.of_robot(other.falling)
     }
 
     /// The same logs of a robot that falls as often as `falling` says; see [`Reference::with_fall_rate`].
     pub fn of_robot(self, falling: Falling) -> Self {
-        let reference = Reference::clone(&self.reference).with_fall_rate(falling.rate(&self.logs));
+        let reference = Arc::unwrap_or_clone(self.reference).with_fall_rate(falling.rate(&self.logs));
         Self { reference: Arc::new(reference), falling, ..self }
     }
 

@@ -8,14 +8,14 @@ use crate::gpu::{GpuSimulator, OnGpu};
 use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::walking::Walking;
-use gaitfit_adapt::Simulator;
+use gaitfit_adapt::SharedSimulator;
 use gaitfit_model::{Model, SelfContact};
 use gaitfit_sim::Candidate;
 use std::sync::Arc;
 
 /// The simulator on these GPUs, if there are some.
 #[cfg(feature = "cuda")]
-fn on<S: OnGpu + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<dyn Simulator>, Error> {
+fn on<S: OnGpu + Send + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<SharedSimulator>, Error> {
     Ok(match gpus {
         [] => Box::new(simulator),
         gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(crate::device::fit_error)?),
@@ -24,7 +24,7 @@ fn on<S: OnGpu + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> 
 
 /// The simulator: a build without the feature `cuda` has no GPUs.
 #[cfg(not(feature = "cuda"))]
-fn on<S: Simulator + 'static>(simulator: S, _: &[Gpu], _: usize) -> Result<Box<dyn Simulator>, Error> {
+fn on<S: gaitfit_adapt::Simulator + Send + Sync + 'static>(simulator: S, _: &[Gpu], _: usize) -> Result<Box<SharedSimulator>, Error> {
     Ok(Box::new(simulator))
 }
 
@@ -73,7 +73,7 @@ impl Method {
     ///
     /// # Errors
     /// Logs that cannot be simulated together.
-    pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<Box<dyn Simulator>, Error> {
+    pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<Box<SharedSimulator>, Error> {
         Ok(match self {
             Self::Replay(clamped) => on(clamped.simulator(base, logs)?, &clamped.gpus, clamped.threads)?,
             Self::Walk(walking) => on(walking.simulator(base, logs), &walking.gpus, walking.threads)?,
@@ -89,7 +89,7 @@ impl Method {
         config: &AdaptConfig,
         base: Candidate,
         logs: &[Log],
-    ) -> Result<Box<dyn Simulator>, Error> {
+    ) -> Result<Box<SharedSimulator>, Error> {
         match config.starts() {
             0 | 1 => self.simulator(base, logs),
             starts => self.simulator_from_near(base, &vec![logs; starts].concat(), logs.len()),
@@ -105,7 +105,7 @@ impl Method {
         base: Candidate,
         logs: &[Log],
         once: usize,
-    ) -> Result<Box<dyn Simulator>, Error> {
+    ) -> Result<Box<SharedSimulator>, Error> {
         Ok(match self {
             Self::Replay(_) => self.simulator(base, logs)?,
             Self::Walk(walking) => {

@@ -17,10 +17,10 @@ use gaitfit_adapt::{Entry, Theta};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, derive_seed};
-use gaitfit_sim::Candidate;
+use gaitfit_sim::{Candidate, pool};
 use std::cell::Cell;
 use std::ops::ControlFlow;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Least share of the logs that a simulated robot must walk without a fall.
 pub(super) const WALKED: f64 = 0.5;
@@ -103,6 +103,28 @@ impl Replicas {
         let world = Robots { replicas: self, setup, cost, watch, counting, made };
         answers(&world, problem, question, &[number])?.pop().ok_or(Failure::Fit(FitError::Incomplete))
     }
+
+    /// The recording of a simulated robot, as the fit compares it.
+    fn replicate(&self, setup: &Setup, cost: usize, recorded: Vec<Recorded>) -> Result<Replicate, String> {
+        let Setup { config, method, fit, .. } = setup;
+        let margin = method.samples(config.fall_margin(), &fit.logs);
+        let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
+        let mut logs = Vec::with_capacity(recorded.len());
+        for (log, recorded) in fit.logs.iter().zip(recorded) {
+            if let Some(trajectory) = recorded.before_fall(&log.trajectory, margin, min)? {
+                logs.push(Log { trajectory, ..log.clone() });
+            }
+        }
+        let count = fit.logs.len();
+        if (logs.len() as f64) < WALKED * count as f64 {
+            let fell = count - logs.len();
+            return Err(format!("The simulated robot falls in {fell} of {count} logs."));
+        }
+        let base = &self.base;
+        let set = LogSet::new(config, method, base, logs).map_err(|error| error.to_string())?.scaled_as(fit);
+        let cost = config.costs[cost].build(&set.reference, set.simulator.as_ref());
+        Ok(Replicate { cost: cost.map_err(|error| format!("{error}."))?, simulator: set.simulator })
+    }
 }
 
 /// A fit's robot, simulated.
@@ -136,12 +158,14 @@ impl World for Robots<'_> {
         if stop() {
             return Err("interrupted".to_owned());
         }
-        let sets = recorded.into_iter().map(|set| {
-            let replicate = self.replicate(set)?;
-            self.notify();
-            Ok(replicate)
+        let (replicas, setup, cost) = (self.replicas, self.setup, self.cost);
+        let recorded: Vec<_> = recorded.into_iter().map(|set| Mutex::new(Some(set))).collect();
+        let sets = pool::map(recorded.len(), setup.fit.simulator.threads(), |set| {
+            let set = recorded[set].lock().unwrap_or_else(PoisonError::into_inner).take();
+            replicas.replicate(setup, cost, set.unwrap_or_default())
         });
-        sets.collect()
+        sets.iter().for_each(|_| self.notify());
+        sets.into_iter().collect()
     }
 
     fn ask(
@@ -162,27 +186,5 @@ impl Robots<'_> {
     fn notify(&self) {
         self.made.set(self.made.get() + 1);
         self.counting.step(self.made.get(), 1, "");
-    }
-
-    /// The recording of a simulated robot, as the fit compares it.
-    fn replicate(&self, recorded: Vec<Recorded>) -> Result<Replicate, String> {
-        let Setup { config, method, fit, .. } = self.setup;
-        let margin = method.samples(config.fall_margin(), &fit.logs);
-        let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
-        let mut logs = Vec::with_capacity(recorded.len());
-        for (log, recorded) in fit.logs.iter().zip(recorded) {
-            if let Some(trajectory) = recorded.before_fall(&log.trajectory, margin, min)? {
-                logs.push(Log { trajectory, ..log.clone() });
-            }
-        }
-        let count = fit.logs.len();
-        if (logs.len() as f64) < WALKED * count as f64 {
-            let fell = count - logs.len();
-            return Err(format!("The simulated robot falls in {fell} of {count} logs."));
-        }
-        let base = &self.replicas.base;
-        let set = LogSet::new(config, method, base, logs).map_err(|error| error.to_string())?.scaled_as(fit);
-        let cost = config.costs[self.cost].build(&set.reference, set.simulator.as_ref());
-        Ok(Replicate { cost: cost.map_err(|error| format!("{error}."))?, simulator: set.simulator })
     }
 }

@@ -135,16 +135,15 @@ impl<'a> Correction<'a> {
         Self { bias: &candidate.robot.encoder_bias, imu: candidate.sensors.imu(), feet_trust }
     }
 
-    /// Puts robot `index` where sample `sample` of `course` says.
-    fn make(
+    /// The state that sample `sample` of `course` says robot `index` has; `None` if the robot has diverged.
+    fn state(
         &self,
-        tile: &mut Tile<'_>,
         feet: &Feet,
         motion: &Motion,
         index: usize,
         course: &Course,
         sample: usize,
-    ) {
+    ) -> Option<Start> {
         let three = |rows: &[f32]| -> [f32; 3] { std::array::from_fn(|k| rows[3 * index + k]) };
         let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
         let base = course.base(sample, self.imu.as_ref());
@@ -152,18 +151,19 @@ impl<'a> Correction<'a> {
             place[2] += (self.feet_trust * change.height) as f32;
             (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
         }
-        if linear.iter().chain(&place).all(|x| x.is_finite()) {
-            let mut state = course.shown(sample, self, place, linear);
-            if !motion.filtered_velocity.is_empty() {
-                let rows = index * course.joints()..(index + 1) * course.joints();
-                let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
-                // The filter keeps its difference from the true velocity, so that its reading is the log's.
-                for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
-                    *velocity -= read - own;
-                }
-            }
-            tile.correct(index, &state);
+        if !linear.iter().chain(&place).all(|x| x.is_finite()) {
+            return None;
         }
+        let mut state = course.shown(sample, self, place, linear);
+        if !motion.filtered_velocity.is_empty() {
+            let rows = index * course.joints()..(index + 1) * course.joints();
+            let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
+            // The filter keeps its difference from the true velocity, so that its reading is the log's.
+            for ((velocity, read), own) in state.joint_velocity.iter_mut().zip(read).zip(own) {
+                *velocity -= read - own;
+            }
+        }
+        Some(state)
     }
 }
 
@@ -238,6 +238,7 @@ struct Worker {
     tracks: Vec<Track>,
     motion: Motion,
     targets: Vec<f32>,
+    corrected: Vec<(usize, Start)>,
     noise: TorqueNoise,
 }
 
@@ -276,9 +277,12 @@ impl Worker {
                 // Who fell in a prediction is put on its feet again: a fall is no end here.
                 self.tracks[index].fell_at = None;
                 if sample > 0 && sample.is_multiple_of(job.every.max(1)) {
-                    correction.make(&mut tile, feet, &self.motion, index, course, sample);
+                    let state = correction.state(feet, &self.motion, index, course, sample);
+                    self.corrected.extend(state.map(|state| (index, state)));
                 }
             }
+            tile.correct(&self.corrected);
+            self.corrected.clear();
             if sample + 1 == longest {
                 break;
             }

@@ -29,7 +29,7 @@ fn second_period(batch: &Batch, params: &[Params<f64>], truth: Option<&Motion>) 
                     .collect(),
                 joint_velocity: truth.joint_velocity[joints].to_vec(),
             };
-            tile.correct(index, &reading);
+            tile.correct(&[(index, reading)]);
         }
     }
     tile.step(&targets(0..count, 1), &[], &mut motions[1]);

@@ -7,14 +7,14 @@ use super::residuals::Problem;
 use super::uncertainty::RIDGE;
 use crate::cost::Cost;
 use crate::fit::FitError;
-use crate::{Entry, Simulator};
+use crate::{Entry, SharedSimulator};
 use gaitfit_sim::pool;
 use serde::{Deserialize, Serialize};
 
 /// Simulated logs, and what compares them with predictions.
 pub struct Replicate {
     /// Simulates predictions of the logs, as the fit does of the real ones.
-    pub simulator: Box<dyn Simulator>,
+    pub simulator: Box<SharedSimulator>,
     /// The fit's cost, against the simulated logs in the scaling of the real ones.
     pub cost: Box<dyn Cost>,
 }
@@ -102,8 +102,8 @@ pub fn answers<W: World + ?Sized>(
     numbers: &[u32],
 ) -> Result<Vec<Comparison>, Failure> {
     let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
-    let answer = |simulator: &dyn Simulator, cost: &dyn Cost| {
-        let problem = Problem { simulator, cost, ..problem };
+    let answer = |logs: &Replicate| {
+        let problem = Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..problem };
         let Some(Slope { loss, moving }) = &question.step else {
             let residuals = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
             let left = residuals.map(|residuals| Loss::new(&residuals).bulk()).ok_or_else(diverged)?;
@@ -116,14 +116,6 @@ pub fn answers<W: World + ?Sized>(
         Ok(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
-    let shared: Option<Vec<_>> =
-        logs.iter().map(|logs| Some((logs.simulator.shared()?, logs.cost.as_ref()))).collect();
-    match shared {
-        Some(shared) => {
-            let threads = shared.first().map_or(1, |(simulator, _)| simulator.threads());
-            let answers = pool::map(shared.len(), threads, |set| answer(shared[set].0, shared[set].1));
-            answers.into_iter().collect()
-        }
-        None => logs.iter().map(|logs| answer(logs.simulator.as_ref(), logs.cost.as_ref())).collect(),
-    }
+    let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
+    pool::map(logs.len(), threads, |set| answer(&logs[set])).into_iter().collect()
 }

@@ -106,28 +106,30 @@ KERNEL predict(
     }
     __syncthreads();
     if (sample == 0) {
-        for (int i = thread; i < rows * STATE_COUNT; i += threads) {
-            int k = i % STATE_COUNT;
-            u32 e = from + i / STATE_COUNT;
+        for (int i = thread; i < ROWS * STATE_COUNT; i += threads) {
+            int r = i % ROWS, k = i / ROWS;
+            u32 e = from + r;
+            if (r >= rows) continue;
             STATE(k) = k < LOGGED ? starts[(u64)source_of(e, count) * LOGGED + k] : 0.0f;
         }
         for (int r = 0; r < rows; r++) begin_sensors(memory, from + r, thread, threads);
         __syncthreads();
     }
-    for (int i = thread; i < rows * DIMENSIONS; i += threads) {
-        int r = i / DIMENSIONS, k = i % DIMENSIONS;
+    // Neighbouring threads have the same number of neighbouring robots.
+    for (int i = thread; i < ROWS * DIMENSIONS; i += threads) {
+        int r = i % ROWS, k = i / ROWS;
         u32 e = from + r;
-        if (e >= count || sample >= length[r]) continue;
+        if (r >= rows || e >= count || sample >= length[r]) continue;
         signals[((u64)e * samples + sample) * DIMENSIONS + k] =
             k < ACTIONS ? joint_position(state, params, e, JOINT_OF[k]) : read_velocity(state, memory, e, JOINT_OF[k - ACTIONS]);
     }
-    for (int i = thread; i < rows * LEGS; i += threads) {
-        int r = i / (LEGS > 0 ? LEGS : 1), foot = i % (LEGS > 0 ? LEGS : 1);
+    for (int i = thread; i < ROWS * LEGS; i += threads) {
+        int r = i % ROWS, foot = i / ROWS;
+        if (r >= rows || !corrects[r]) continue;
         const float* imu = imus + (u64)candidate[r] * IMU_NUMBERS;
-        if (corrects[r])
-            asked(
-                state, params, memory, report, imu, readings + row[r] * LOGGED,
-                legs + (row[r] * LEGS + foot) * LEG_NUMBERS, from + r, foot, asks[i]);
+        asked(
+            state, params, memory, report, imu, readings + row[r] * LOGGED,
+            legs + (row[r] * LEGS + foot) * LEG_NUMBERS, from + r, foot, asks[i]);
     }
     __syncthreads();
     if (thread < rows && corrects[thread]) {
@@ -135,7 +137,7 @@ KERNEL predict(
         Base base = base_of(state, e);
         double sums[4] = {0.0, 0.0, 0.0, 0.0}, share = trust[candidate[thread]];
         for (int foot = 0; foot < LEGS; foot++)
-            for (int k = 0; k < 4; k++) sums[k] += asks[thread * LEGS + foot][k];
+            for (int k = 0; k < 4; k++) sums[k] += asks[foot * ROWS + thread][k];
         bool whole = true;
         float changes[2][3] = {};
 #if HAS_LEAD
@@ -153,10 +155,10 @@ KERNEL predict(
         corrects[thread] = whole;
     }
     __syncthreads();
-    for (int i = thread; i < rows * LOGGED; i += threads) {
-        int r = i / LOGGED, k = i % LOGGED;
+    for (int i = thread; i < ROWS * LOGGED; i += threads) {
+        int r = i % ROWS, k = i / ROWS;
         u32 e = from + r;
-        if (!corrects[r]) continue;
+        if (r >= rows || !corrects[r]) continue;
         float number = true_number(imus + (u64)candidate[r] * IMU_NUMBERS, 1, readings + row[r] * LOGGED, k);
         if (k < QUATERNION) number = place[r][k];
         else if (k >= LINEAR && k < ANGULAR) number = linear[r][k - LINEAR];
@@ -173,15 +175,17 @@ KERNEL predict(
         }
         STATE(k) = number;
     }
-    for (int i = thread; i < rows * JOINTS; i += threads) {
-        int r = i / JOINTS, j = i % JOINTS;
+    for (int i = thread; i < ROWS * JOINTS; i += threads) {
+        int r = i % ROWS, j = i / ROWS;
+        if (r >= rows) continue;
         send_target(targets, from + r, j, logged[row[r] * JOINTS + j], sample == 0);
     }
     if (sample > 0) return;
     // What networks remember of a robot that has been as it is for long.
-    for (int i = thread; i < rows * MEMORY; i += threads) {
-        int k = i % MEMORY;
-        u32 e = from + i / MEMORY;
+    for (int i = thread; i < ROWS * MEMORY; i += threads) {
+        int r = i % ROWS, k = i / ROWS;
+        u32 e = from + r;
+        if (r >= rows) continue;
         REMEMBERED(k) = settled(state, params, e, k);
     }
 }

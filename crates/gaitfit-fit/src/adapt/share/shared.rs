@@ -5,7 +5,7 @@ use super::signals;
 use super::task::{Task, Values, Work, read};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{Costs, Evaluation, FitError, Job, Views};
-use gaitfit_adapt::{Cancel, Consume, Identity, Rollout, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Identity, Rollout, SharedSimulator, Simulator, SimulatorError, Theta};
 use std::ops::Range;
 
 /// Robots that are simulated together: fewer in a task would leave lanes empty.
@@ -15,7 +15,7 @@ const EACH: usize = 3;
 
 /// The simulator `local`, on other machines.
 pub(super) struct Shared {
-    pub local: Box<dyn Simulator>,
+    pub local: Box<SharedSimulator>,
     /// As tasks name it.
     pub number: usize,
     pub shares: Shares,

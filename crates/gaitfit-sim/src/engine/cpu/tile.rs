@@ -167,11 +167,11 @@ fn velocity_change<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>
     [body.map(|a| seconds * a), linear.map(|a| seconds * a)]
 }
 
-/// The number of one lane.
-fn lane_of<T: Lanes>(value: T, lane: usize) -> f32 {
+/// The numbers of all lanes.
+fn lanes<T: Lanes>(value: T) -> [f32; WIDEST] {
     let mut values = [0.0; WIDEST];
     value.store(&mut values);
-    values[lane]
+    values
 }
 
 fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
@@ -213,24 +213,43 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         block.fresh[lane] = true;
     }
 
-    fn correct(&mut self, environment: usize, reading: &Start) {
-        let lane = environment % T::LANES;
+    fn correct(&mut self, readings: &[(usize, Start)]) {
         let lead = self.shared.tree.settings().lead() as f32;
-        let state = &mut self.blocks[environment / T::LANES].state;
-        let acceleration = state.base_acceleration.map(|vector| vector.map(|one| lane_of(one, lane)));
-        let quaternion = state.base_quaternion.map(|one| lane_of(one, lane));
-        let [angular, linear] = velocity_change(acceleration, quaternion, [lead, 2.0]);
-        for k in 0..3 {
-            set_lane(&mut state.base_position[k], lane, reading.base_position[k]);
-            set_lane(&mut state.base_angular[k], lane, reading.base_angular[k] - angular[k]);
-            set_lane(&mut state.base_linear[k], lane, reading.base_linear[k] - linear[k]);
-        }
-        for (number, &value) in state.base_quaternion.iter_mut().zip(&reading.base_quaternion) {
-            set_lane(number, lane, value);
-        }
-        for (j, &velocity) in reading.joint_velocity.iter().enumerate() {
-            set_lane(&mut state.qpos[j], lane, reading.joint_position[j]);
-            set_lane(&mut state.qvel[j], lane, velocity - lead * lane_of(state.qacc[j], lane));
+        for of_block in readings.chunk_by(|(one, _), (other, _)| one / T::LANES == other / T::LANES) {
+            let state = &mut self.blocks[of_block[0].0 / T::LANES].state;
+            let vectors = state.base_acceleration.map(|vector| vector.map(lanes));
+            let quaternions = state.base_quaternion.map(lanes);
+            let changes: Vec<[[f32; 3]; 2]> = of_block
+                .iter()
+                .map(|(environment, _)| {
+                    let lane = environment % T::LANES;
+                    let acceleration = vectors.each_ref().map(|vector| vector.map(|values| values[lane]));
+                    velocity_change(acceleration, quaternions.map(|values| values[lane]), [lead, 2.0])
+                })
+                .collect();
+            let set = |number: &mut T, value: &dyn Fn(&Start, usize) -> f32| {
+                let mut values = lanes(*number);
+                for (place, (environment, reading)) in of_block.iter().enumerate() {
+                    values[environment % T::LANES] = value(reading, place);
+                }
+                *number = T::load(&values);
+            };
+            for k in 0..3 {
+                set(&mut state.base_position[k], &|reading, _| reading.base_position[k]);
+                set(&mut state.base_angular[k], &|reading, at| reading.base_angular[k] - changes[at][0][k]);
+                set(&mut state.base_linear[k], &|reading, at| reading.base_linear[k] - changes[at][1][k]);
+            }
+            for k in 0..4 {
+                set(&mut state.base_quaternion[k], &|reading, _| reading.base_quaternion[k]);
+            }
+            for j in 0..state.qpos.len() {
+                let accelerations = lanes(state.qacc[j]);
+                set(&mut state.qpos[j], &|reading, _| reading.joint_position[j]);
+                set(&mut state.qvel[j], &|reading, at| {
+                    let lane = of_block[at].0 % T::LANES;
+                    reading.joint_velocity[j] - lead * accelerations[lane]
+                });
+            }
         }
     }
 
