@@ -4,7 +4,8 @@ use crate::walk::simulator::WalkSimulator;
 use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
 use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
-    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, SharedSimulator, Signals, Simulator,
+    SimulatorError, Theta,
 };
 use gaitfit_cuda::fit::{Compared, FitError as GpuError, Measured, MultiGpu, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;

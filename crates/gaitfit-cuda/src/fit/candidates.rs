@@ -15,6 +15,9 @@ const MAX_SHOWN: usize = 64;
 /// Max bytes of signals that are brought to the host at once when robots make logs. One robot alone may have more.
 const MAX_SHOWN_BYTES: usize = 256 << 20;
 
+/// Min number of candidates that a session of predictions has room for.
+const MIN_ROOM: usize = 4;
+
 /// The robot's side of the costs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measured {
@@ -240,7 +243,7 @@ impl Candidates {
     ) -> Result<usize, FitError> {
         let structure = Structure::new(&example.candidate);
         // A session of a few sizes each, for a session takes as long for one candidate as for all that it has room for.
-        let room = wanted.min(self.shown(subject)).next_power_of_two();
+        let room = wanted.min(self.shown(subject)).next_power_of_two().max(MIN_ROOM);
         let there = |session: &Session| session.physics.structure == structure && session.asked == room;
         let session = match self.sessions.iter().position(there) {
             Some(there) => there,

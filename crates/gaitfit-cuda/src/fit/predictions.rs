@@ -146,11 +146,9 @@ impl Predictions {
         let mut signals = locked(&self.spare).pop().unwrap_or_default();
         let candidates = match candidates.as_mut() {
             Some(candidates) => candidates,
-            None => candidates.insert(Candidates::new(
-                &self.device,
-                Arc::clone(&request.tables),
-                self.threads,
-            )?),
+            None => {
+                candidates.insert(Candidates::new(&self.device, Arc::clone(&request.tables), self.threads)?)
+            }
         };
         candidates.set_tables(&request.tables)?;
         let done = candidates.predict(subject, &request.jobs[0], numbers, wanted, &mut signals)?;

@@ -24,6 +24,8 @@ pub enum Home {
 const CONTROL: usize = 16;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
+/// Threads of each environment at the end of a step: each computes some of the reward's terms.
+pub(super) const FINISH_PARTS: u32 = 4;
 /// The same of what is recorded, a thread a number.
 const RECORDERS: u32 = 128;
 
@@ -249,7 +251,9 @@ impl Plan {
             "critic_past",
             "held",
         ];
-        self.launch("finish", Some(step), &arrays)
+        let mut launch = self.launch("finish", Some(step), &arrays);
+        launch.shape.block[0] *= FINISH_PARTS;
+        launch
     }
 
     /// What the critic sees after the last step.

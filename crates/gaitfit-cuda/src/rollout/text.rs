@@ -11,7 +11,7 @@ use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
 use super::ground::GROUND_HEIGHTS;
-use super::plan::THREADS;
+use super::plan::{FINISH_PARTS, THREADS};
 use super::scene::{Mode, Scene};
 use super::sums::Sum;
 use crate::runtime::Program;
@@ -102,6 +102,7 @@ impl Words {
             ("REWARDS", task.reward_weights().count()),
             ("CUTS", scene.cuts()),
             ("THREADS", THREADS as usize),
+            ("FINISH_PARTS", FINISH_PARTS as usize),
             ("LOG_STD_AT", scene.sizes.networks),
             ("TRIALS", usize::from(scene.is(Mode::Trials))),
             ("ENDS_APART", scene.ends_apart()),
@@ -157,10 +158,15 @@ impl Words {
         }
         self.integers("FOOT_FIRST", &ends);
         self.integers("BODY_GEOM", task.body_geoms());
-        // What each term pays, as statements.
+        // What each term pays, as statements: a part of the threads each.
         let _ = writeln!(self.text, "#define REWARD_TERMS \\");
         for (number, (name, weight)) in task.reward_weights().enumerate() {
-            let _ = writeln!(self.text, "    terms[{number}] = {} * reward_{name}(m); \\", single(weight));
+            let _ = writeln!(
+                self.text,
+                "    if (part == {}) terms[{number}][lane] = {} * reward_{name}(m); \\",
+                number % FINISH_PARTS as usize,
+                single(weight)
+            );
         }
         self.text.push('\n');
     }

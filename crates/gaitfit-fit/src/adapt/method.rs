@@ -15,7 +15,11 @@ use std::sync::Arc;
 
 /// The simulator on these GPUs, if there are some.
 #[cfg(feature = "cuda")]
-fn on<S: OnGpu + Send + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usize) -> Result<Box<SharedSimulator>, Error> {
+fn on<S: OnGpu + Send + Sync + 'static>(
+    simulator: S,
+    gpus: &[Gpu],
+    threads: usize,
+) -> Result<Box<SharedSimulator>, Error> {
     Ok(match gpus {
         [] => Box::new(simulator),
         gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(crate::device::fit_error)?),
@@ -24,7 +28,11 @@ fn on<S: OnGpu + Send + Sync + 'static>(simulator: S, gpus: &[Gpu], threads: usi
 
 /// The simulator: a build without the feature `cuda` has no GPUs.
 #[cfg(not(feature = "cuda"))]
-fn on<S: gaitfit_adapt::Simulator + Send + Sync + 'static>(simulator: S, _: &[Gpu], _: usize) -> Result<Box<SharedSimulator>, Error> {
+fn on<S: gaitfit_adapt::Simulator + Send + Sync + 'static>(
+    simulator: S,
+    _: &[Gpu],
+    _: usize,
+) -> Result<Box<SharedSimulator>, Error> {
     Ok(Box::new(simulator))
 }
 

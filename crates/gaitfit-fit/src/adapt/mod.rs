@@ -91,13 +91,24 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         if let Some(odd) = &odd {
             setup.take(odd)?;
         }
-        let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
-        let metrics = search::metrics(folder)?;
-        let results = results::results(setup, &outcomes, &metrics, odd, folder, seconds, watch)?;
-        files::write(folder, setup, &results)?;
-        #[cfg(feature = "report")]
-        folder.write("report.html", report::page(setup, &results, &metrics)?.as_bytes())?;
-        Ok::<_, Error>(results)
+        let setup = &*setup;
+        std::thread::scope(|scope| {
+            // While a GPU searches, processors are free for it.
+            let early = (setup.devices.are_gpus() && setup.swings.is_none())
+                .then(|| scope.spawn(|| swing::findings(&setup.method, &setup.fit.logs)));
+            let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
+            let metrics = search::metrics(folder)?;
+            let swings = || match early {
+                Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+                None => swing::findings(&setup.method, &setup.fit.logs),
+            };
+            let done = results::Searched { outcomes: &outcomes, course: &metrics, odd_joints: odd, seconds };
+            let results = results::results(setup, done, swings, folder, watch)?;
+            files::write(folder, setup, &results)?;
+            #[cfg(feature = "report")]
+            folder.write("report.html", report::page(setup, &results, &metrics)?.as_bytes())?;
+            Ok::<_, Error>(results)
+        })
     })?;
     if let Some(odd) = &results.odd_joints {
         setup.take(odd)?;

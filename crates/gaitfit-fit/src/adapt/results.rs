@@ -228,17 +228,27 @@ impl AdaptResults {
     }
 }
 
-/// Scores the outcomes of a finished fit, whose search took `wall_seconds`; `course`: the generations of its runs;
-/// `odd_joints`: what the comparison of joints before it found.
+/// A finished search.
+pub(super) struct Searched<'a> {
+    /// One for each cost.
+    pub outcomes: &'a [CostOutcome],
+    /// The generations of its runs.
+    pub course: &'a [RunGeneration],
+    /// What the comparison of joints before it found.
+    pub odd_joints: Option<OddJoints>,
+    /// How long it took, s.
+    pub seconds: f64,
+}
+
+/// Scores the outcomes of a finished search. `swings`: finds what legs in the air show, if `setup` does not know it.
 pub(super) fn results(
     setup: &Setup,
-    outcomes: &[CostOutcome],
-    course: &[RunGeneration],
-    odd_joints: Option<OddJoints>,
+    searched: Searched<'_>,
+    swings: impl FnOnce() -> Option<SwingFindings>,
     folder: &RunFolder,
-    wall_seconds: f64,
     watch: &Watch<'_>,
 ) -> Result<AdaptResults, Error> {
+    let Searched { outcomes, course, odd_joints, seconds: wall_seconds } = searched;
     let begun = Instant::now();
     let (mut fits, uncorrected) = cost_fits(setup, outcomes, course, folder, watch)?;
     standing::reconcile(&mut fits);
@@ -275,7 +285,7 @@ pub(super) fn results(
         effort: least_effort(setup.method.model()),
     };
     let mut doubts = standing::doubts(&first, &evidence);
-    let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
+    let swings = setup.swings.clone().or_else(swings);
     checked(CHECKS)?;
     let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
     causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base));

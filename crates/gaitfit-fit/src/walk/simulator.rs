@@ -5,7 +5,9 @@ use super::walking::Walking;
 use crate::gpu_predictions::Readings;
 use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::{Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{
+    Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta,
+};
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation;
 use gaitfit_policy::follow::{self, Script, Track};
@@ -172,7 +174,8 @@ impl Simulator for WalkSimulator {
             _ => pass(places[job], course, track),
         };
         if !self.walking.predictions.predict(&self.walking, &self.readings, &jobs, &to, cancel)? {
-            predict::predict(walker, &self.readings.courses, &jobs, threads, &to, cancel).map_err(SimulatorError::failed)?;
+            predict::predict(walker, &self.readings.courses, &jobs, threads, &to, cancel)
+                .map_err(SimulatorError::failed)?;
         }
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }

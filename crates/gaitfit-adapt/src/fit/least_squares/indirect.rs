@@ -179,7 +179,8 @@ fn further(
     moving: &[bool],
 ) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
     let compared = |here: &Around| {
-        let step = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads()).step(RIDGE, moving)?;
+        let step = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads())
+            .step(RIDGE, moving)?;
         Some(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let Some(mut real) = compared(&here) else { return Ok(None) };

@@ -48,7 +48,8 @@ pub fn sensitivity(
     difference: Option<f64>,
 ) -> Result<Option<Sensitivity>, FitError> {
     let Some(Around { residuals, jacobian, .. }) = around(&problem, values)? else { return Ok(None) };
-    let curvature = Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature;
+    let curvature =
+        Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature;
     let numbers: usize = residuals.recordings.iter().map(Vec::len).sum();
     let squares: f64 = residuals.recordings.iter().flatten().map(|one| f64::from(*one).powi(2)).sum();
     let rms = (squares / numbers.saturating_sub(values.len()).max(1) as f64).sqrt();

@@ -31,7 +31,8 @@ pub struct Unexplained {
 /// As [`super::super::Fit::step`].
 pub fn unexplained(problem: Problem<'_>, values: &[f64]) -> Result<Option<Unexplained>, FitError> {
     let Some(Around { residuals, jacobian, .. }) = around(&problem, values)? else { return Ok(None) };
-    let covariance = inverse(&Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature);
+    let covariance =
+        inverse(&Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature);
     let (squares, alike) = sums(&residuals, jacobian.width);
     let count = residuals.recordings.iter().map(Vec::len).sum::<usize>().max(1);
     let reach = |(at, row): (usize, &Vec<f64>)| row.get(at).map(|own| (alike * own).max(0.0).sqrt());

@@ -6,8 +6,8 @@
 
 enum { GOES_ON, FALL, TIME_OUT };
 
-// Takes up the end of a control period of foot `k`, and writes its numbers and whether it landed.
-DEVICE void advance_foot(const float* report, float* feet, u32 e, u32 steps, int k, float foot[FOOT_SIZE + 1]) {
+// The numbers of foot `k` at the end of a control period, and whether it landed.
+DEVICE void advance_foot(const float* report, const float* feet, u32 e, u32 steps, int k, float foot[FOOT_SIZE + 1]) {
     float force = 0.0f, place[3], before[FOOT_SIZE];
     for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) force += FORCE(FOOT_GEOM[i]);
     for (int axis = 0; axis < 3; axis++) place[axis] = CENTRE(k, axis);
@@ -20,7 +20,6 @@ DEVICE void advance_foot(const float* report, float* feet, u32 e, u32 steps, int
     begins |= fresh;
 #endif
     advanced_foot(before, force, place, (float)CONTROL_DT, flag(begins), foot);
-    for (int number = 0; number < FOOT_SIZE; number++) FOOT(k, number) = foot[number];
 }
 
 // What is gone with an episode, besides its age.
@@ -38,22 +37,17 @@ DEVICE void start_episodes(
     __syncthreads();
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
-        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, memory, command, ways);
+        start_episode(control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways);
         __syncthreads();
     }
 }
 
-// The step of environment `e`; whether a new episode begins. `held`: whether episodes that ended stay where they are.
-DEVICE bool finish_step(
-    u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
-    float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu,
-    float* ways, const float* past, const float* critic_past, const u32* held, u32 e
+// Environment `e` at the end of a control period, `age` steps into its episode; whether its simulation is whole.
+DEVICE bool write_moment(
+    const float* state, const float* params, const float* report, const float* action, const float* command,
+    const float* last_action, const float* feet, u32 age, u32 e, Moment& m
 ) {
-    u64 row = (u64)step * ENVIRONMENTS + e;
-    u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
     Base base = base_of(state, e);
-    Moment m;
     for (int k = 0; k < FEET; k++) advance_foot(report, feet, e, age, k, m.feet[k]);
     // Numbers that are none fail every comparison.
     float height = base.position[2] - ground_under(base.position);
@@ -72,22 +66,51 @@ DEVICE bool finish_step(
     m.body_contacts = 0;
     for (int k = 0; k < BODY_GEOMS; k++) m.body_contacts += touches(report, e, BODY_GEOM[k]) ? 1 : 0;
     m.e = e, m.state = state, m.params = params, m.report = report;
-    m.action = action + row * ACTIONS, m.last_action = last_action;
-    float terms[REWARDS > 0 ? REWARDS : 1];
-    terms[0] = 0.0f;
-    REWARD_TERMS
+    m.action = action, m.last_action = last_action;
+    return whole;
+}
+
+// The sum of what the reward's terms pay environment `lane` of the block.
+DEVICE float sum_of(const float terms[][THREADS], u32 lane) {
     float paid = 0.0f;
-    for (int k = 0; k < REWARDS; k++) paid += terms[k];
-    bool broken = !whole || !is_finite(paid);
+    for (int k = 0; k < REWARDS; k++) paid += terms[k][lane];
+    return paid;
+}
+
+// What the threads of `part` keep of a step: the sums of their reward terms if it is not broken, and feet and actions.
+DEVICE void keep_step(
+    const Moment& m, const float terms[][THREADS], u32 part, u32 lane, bool broken, float* last_action, float* feet, double* tally
+) {
+    u32 e = m.e;
+    for (int k = 0; k < REWARDS; k++)
+        if (k % FINISH_PARTS == part && !broken) TALLY(1 + k) += (double)terms[k][lane];
+    if (part == 1 % FINISH_PARTS)
+        for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
+    if (part == 2 % FINISH_PARTS)
+        for (int k = 0; k < FEET; k++)
+            for (int number = 0; number < FOOT_SIZE; number++) FOOT(k, number) = m.feet[k][number];
+}
+
+// The rest of the step of an environment; whether a new episode begins. `held`: whether episodes that ended stay where they are.
+DEVICE bool finish_step(
+    u32 step, const u32* control, float* state, const float* params, float* report, float* reward, float* done, u32* steps,
+    u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut, float* tail, double* tally,
+    float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu, float* ways,
+    const float* past, const float* critic_past, const u32* held, const Moment& m, const float terms[][THREADS], u32 lane,
+    u32 age, bool whole, bool broken
+) {
+    u32 e = m.e, number = control[FIRST_STEP] + step;
+    u64 row = (u64)step * ENVIRONMENTS + e;
+    float paid = sum_of(terms, lane);
     bool over = age >= EPISODE_STEPS_MAX;
 #if COURSE
+    Base base = base_of(state, e);
     TALLY(LEVEL) += (double)WAY(WAY_LEVEL);
     if (whole) advance_way(ways, e, m.command, m.velocity);
     over |= is_outside(base.position);
 #endif
     int ended = m.fallen || broken ? FALL : over ? TIME_OUT : GOES_ON;
 
-    for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
     float wanted[3], off[2];
     for (int k = 0; k < 3; k++) wanted[k] = command[k * ENVIRONMENTS + e];
@@ -96,13 +119,12 @@ DEVICE bool finish_step(
         if (TALLY(DIVERGED) == 0.0) {
             TALLY(BROKEN_AT) = (double)(step + 1);
             for (int k = REWARDS - 1; k >= 0; k--)
-                if (whole && !is_finite(terms[k])) TALLY(BROKEN_TERM) = (double)(k + 1);
+                if (whole && !is_finite(terms[k][lane])) TALLY(BROKEN_TERM) = (double)(k + 1);
         }
         TALLY(DIVERGED) += 1.0;
         paid = 0.0f;
     } else {
         TALLY(0) += (double)paid;
-        for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
         TALLY(VELOCITY_ERROR) += (double)off[0];
         TALLY(YAW_ERROR) += (double)off[1];
     }
@@ -167,11 +189,28 @@ KERNEL finish(
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
     __shared__ Placing placing;
-    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
-    bool inside = e < ENVIRONMENTS;
-    begins[threadIdx.x] = inside && finish_step(
-        step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, held, e) ? 1 : 0;
+    // What each term of the reward pays.
+    __shared__ float terms[REWARDS > 0 ? REWARDS : 1][THREADS];
+    // Every environment has a thread in each part.
+    u32 lane = threadIdx.x % THREADS, part = threadIdx.x / THREADS, e = blockIdx.x * THREADS + lane;
+    bool inside = e < ENVIRONMENTS, whole = true;
+    u32 age = inside ? steps[e] + 1 : 0;
+    Moment m;
+    if (inside) {
+        const float* wanted = action + ((u64)step * ENVIRONMENTS + e) * ACTIONS;
+        whole = write_moment(state, params, report, wanted, command, last_action, feet, age, e, m);
+        REWARD_TERMS
+    }
+    if (part == 0) begins[lane] = 0;
+    __syncthreads();
+    bool broken = inside && (!whole || !is_finite(sum_of(terms, lane)));
+    if (inside) keep_step(m, terms, part, lane, broken, last_action, feet, tally);
+    __syncthreads();
+    if (inside && part == 0)
+        begins[lane] = finish_step(
+            step, control, state, params, report, reward, done, steps, fresh, command, last_action, feet, returns, cut, tail,
+            tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, held, m, terms, lane, age, whole,
+            broken) ? 1 : 0;
     start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways);
 }
 
