@@ -19,12 +19,21 @@ impl Words {
         let _ = writeln!(self.text, "#define {name} {value}");
     }
 
-    /// An empty table has one entry of zeros.
-    pub fn table(&mut self, kind: &str, name: &str, mut rows: Vec<String>) {
+    /// A table of which the threads of a warp read the same places. An empty table has one entry of zeros.
+    pub fn table(&mut self, kind: &str, name: &str, rows: Vec<String>) {
+        self.rows_in("TABLE", kind, name, rows);
+    }
+
+    /// A table of which threads read places of their own. An empty table has one entry of zeros.
+    pub fn lookup(&mut self, kind: &str, name: &str, rows: Vec<String>) {
+        self.rows_in("LOOKUP", kind, name, rows);
+    }
+
+    fn rows_in(&mut self, memory: &str, kind: &str, name: &str, mut rows: Vec<String>) {
         if rows.is_empty() {
             rows.push(if kind == "int" || kind == "float" { "0".into() } else { "{}".into() });
         }
-        let _ = writeln!(self.text, "TABLE {kind} {name}[] = {{{}}};", rows.join(", "));
+        let _ = writeln!(self.text, "{memory} {kind} {name}[] = {{{}}};", rows.join(", "));
     }
 
     /// A table of places.

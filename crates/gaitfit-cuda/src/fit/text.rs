@@ -95,9 +95,10 @@ fn legs(words: &mut Words, walker: &Walker) {
     words.define("LEAST_LOAD", double(feet.least_load));
     words.text.push_str("// A foot: the first of its forces in LEG_FORCE and their number, and the same of its leg's joints in LEG_JOINT.\n");
     words.text.push_str("struct Leg {\n    int force, forces, joint, joints;\n};\n");
-    words.table("Leg", "LEG", rows);
-    words.integers("LEG_FORCE", &forces);
-    words.integers("LEG_JOINT", &joints);
+    let numbers = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect();
+    words.lookup("Leg", "LEG", rows);
+    words.lookup("int", "LEG_FORCE", numbers(&forces));
+    words.lookup("int", "LEG_JOINT", numbers(&joints));
 }
 
 /// The largest number of joints of a leg.

@@ -190,8 +190,8 @@ impl Words {
             format!("{{{parent}, {first}, {joints}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
         };
         let bodies = model.bodies.iter().enumerate().map(body).collect();
-        self.table("Body", "BODY", bodies);
-        self.table("int", "JOINT_ORDER", order);
+        self.lookup("Body", "BODY", bodies);
+        self.lookup("int", "JOINT_ORDER", order);
         let joint = |joint: &gaitfit_model::Joint| {
             let (anchor, axis, reference) =
                 (doubles(&joint.pos), doubles(&joint.axis), double(joint.reference));
@@ -200,7 +200,7 @@ impl Words {
             let slides = u32::from(joint.kind == JointKind::Slide);
             format!("{{{anchor}, {axis}, {reference}, {limited}, {range}, {slides}}}")
         };
-        self.table("Joint", "JOINT", model.joints.iter().map(joint).collect());
+        self.lookup("Joint", "JOINT", model.joints.iter().map(joint).collect());
         let mut path = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];
@@ -219,9 +219,9 @@ impl Words {
             format!("{{{first}, {count}, {position}, {radius}, {}, {rim}, {axis}, {round}}}", doubles(&edges))
         });
         let shapes: Vec<String> = shapes.collect();
-        self.table("int", "PATH", path);
+        self.lookup("int", "PATH", path);
         self.define("SHAPES", shapes.len());
-        self.table("Shape", "SHAPE", shapes);
+        self.lookup("Shape", "SHAPE", shapes);
         let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
         self.define("GROUND", format!("({})", double(ground)));
     }

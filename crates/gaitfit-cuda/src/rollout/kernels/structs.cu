@@ -1,9 +1,13 @@
 // What the tables of a task and its robot hold.
 
+// Constant memory serves the threads of a warp one place after the other: a TABLE is for places that they share, a LOOKUP for
+// places of their own.
 #ifndef GAITFIT_HOST
 #define TABLE __constant__
+#define LOOKUP __device__ const
 #else
 #define TABLE static const
+#define LOOKUP static const
 #endif
 
 // A number of the robot at place `i` of a tile of robots lies `base + stride i` into the tile's numbers.
