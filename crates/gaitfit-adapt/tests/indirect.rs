@@ -118,7 +118,7 @@ impl World for Toy {
         let one = |&number: &u32| {
             let process = Process::new(&self.acting(values), noise, 1000 + u64::from(number));
             let cost = process.cost();
-            Replicate { simulator: Box::new(process) as Box<dyn Simulator>, cost }
+            Replicate { simulator: Box::new(process), cost }
         };
         Ok(numbers.iter().map(one).collect())
     }

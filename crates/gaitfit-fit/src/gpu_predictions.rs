@@ -52,6 +52,9 @@ mod with_cuda {
             let Some(gpu) = walking.gpus.first() else { return Ok(false) };
             let (walker, Readings { courses, tables }) = (&walking.task.walker, readings);
             let predictions = self.0.get_or_init(|| Predictions::new(gpu, walking.threads));
+            if !predictions.is_worth(jobs) {
+                return Ok(false);
+            }
             let tables = tables.get_or_init(|| Arc::new(Tables::predict(walker, courses)));
             let joints = walker.joints.len();
             let pass = |job: usize, course: usize, tracks: Tracks<'_>| {

@@ -18,6 +18,8 @@ pub struct Predictions {
     threads: usize,
     /// The candidates, on the logs of the last call.
     candidates: Mutex<Option<Candidates>>,
+    /// Structures that candidates had before.
+    known: Mutex<Vec<Structure>>,
     /// Requests that wait for the GPU.
     waiting: Mutex<Vec<Arc<Request>>>,
     /// Memory for signals that is free.
@@ -26,6 +28,8 @@ pub struct Predictions {
 
 /// Max number of candidates that run together.
 const MAX_TOGETHER: usize = 256;
+/// Fewer candidates of a new structure are not worth a program of their own.
+const FEW: usize = 4;
 
 /// Candidates of one structure on some logs.
 struct Request {
@@ -62,8 +66,24 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Predictions {
     /// On `device`. `threads`: of the host, for what it prepares.
     pub fn new(device: &Device, threads: usize) -> Self {
-        let (candidates, waiting, spare) = Default::default();
-        Self { device: device.clone(), threads, candidates, waiting, spare }
+        let (candidates, known, waiting, spare) = Default::default();
+        Self { device: device.clone(), threads, candidates, known, waiting, spare }
+    }
+
+    /// Whether the GPU should predict these jobs: not a few robots that need another program than those before.
+    pub fn is_worth(&self, jobs: &[Job]) -> bool {
+        let mut known = locked(&self.known);
+        let new = |job: &Job| Some(Structure::new(&job.candidate)).filter(|one| !known.contains(one));
+        let new: Vec<Structure> = jobs.iter().filter_map(new).collect();
+        let worth = new.is_empty() || new.len() >= FEW;
+        if worth {
+            for one in new {
+                if !known.contains(&one) {
+                    known.push(one);
+                }
+            }
+        }
+        worth
     }
 
     /// Has every job predict every course and hands `consume(job, course, tracks)` the joint positions and velocities, once,

@@ -10,7 +10,7 @@ use super::log_set::LogSet;
 use crate::log::Log;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_log::Signal;
-use gaitfit_sim::stats;
+use gaitfit_sim::{pool, stats};
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -52,14 +52,15 @@ impl Audit {
     /// The errors of the predictions of a set of logs without the first `skip` samples of each; `None` if there are too few samples.
     pub(super) fn new(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
         let joints = set.logs.first()?.joints.len();
-        let mut by_joint: Vec<(String, Joint)> = Vec::new();
-        for joint in 0..joints {
-            let name = set.logs.first()?.joints.get(joint)?.clone();
+        let names = &set.logs.first()?.joints;
+        let one = |joint: usize| {
             let logs = set.logs.iter().zip(predicted);
             let series: Vec<Series> =
                 logs.filter_map(|(log, walk)| Series::new(log, walk, joint, joints, skip)).collect();
-            by_joint.extend(Joint::new(&series).map(|one| (name, one)));
-        }
+            Some((names[joint].clone(), Joint::new(&series)?))
+        };
+        let by_joint: Vec<(String, Joint)> =
+            pool::map(joints, set.simulator.threads(), one).into_iter().flatten().collect();
         let mean = |measure: &dyn Fn(&Joint) -> f64| {
             stats::mean(&by_joint.iter().map(|(_, joint)| measure(joint)).collect::<Vec<_>>())
         };

@@ -244,7 +244,7 @@ mod tests {
 
     /// A simulator whose GPU fails after some generations.
     struct Failing {
-        inner: Box<dyn Simulator>,
+        inner: Box<gaitfit_adapt::SharedSimulator>,
         left: AtomicUsize,
     }
 
