@@ -6,7 +6,7 @@ use gaitfit_learn::task::reward::Value;
 use gaitfit_learn::task::{BaseMoment, FASTEST_BASE, FASTEST_JOINT, Foot, Task, advanced_foot};
 use gaitfit_model::kinematics::Reach;
 use gaitfit_model::rotation::vec_of;
-use gaitfit_model::{JointKind, Shape};
+use gaitfit_model::{JointKind, Model, Shape};
 use gaitfit_policy::walker::GAP;
 
 use super::expression::Terms;
@@ -179,47 +179,29 @@ impl Words {
         let actions = (0..walker.default_pose.len())
             .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
         self.table("int", "ACTION_OF", actions.collect());
-        let doubles = |numbers: &[f64]| braces(numbers, |&x| double(x));
-        let mut order = Vec::new();
-        let body = |(index, body): (usize, &gaitfit_model::Body)| {
-            let parent = body.parent.map_or("-1".to_owned(), |parent| parent.to_string());
-            let first = order.len();
-            let joints = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
-            order.extend(joints.map(|(joint, _)| joint.to_string()));
-            let joints = order.len() - first;
-            format!("{{{parent}, {first}, {joints}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
-        };
-        let bodies = model.bodies.iter().enumerate().map(body).collect();
-        self.lookup("Body", "BODY", bodies);
-        self.lookup("int", "JOINT_ORDER", order);
         let joint = |joint: &gaitfit_model::Joint| {
-            let (anchor, axis, reference) =
-                (doubles(&joint.pos), doubles(&joint.axis), double(joint.reference));
-            let limited = u32::from(joint.range.is_some());
+            let (limited, slides) =
+                (u32::from(joint.range.is_some()), u32::from(joint.kind == JointKind::Slide));
             let range = doubles(&joint.range.unwrap_or_default());
-            let slides = u32::from(joint.kind == JointKind::Slide);
-            format!("{{{anchor}, {axis}, {reference}, {limited}, {range}, {slides}}}")
+            format!("{{{}, {limited}, {range}, {slides}}}", double(joint.reference))
         };
         self.lookup("Joint", "JOINT", model.joints.iter().map(joint).collect());
-        let mut path = Vec::new();
+        let mut way = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];
             let reach = Reach::new(geom);
-            let mut bodies: Vec<usize> =
-                std::iter::successors(Some(geom.body), |&body| model.bodies[body].parent).collect();
-            bodies.reverse();
-            let first = path.len();
-            path.extend(bodies.iter().map(ToString::to_string));
+            let first = way.len();
+            way.extend(links(model, geom.body));
             let (position, axis) = (doubles(&geom.pos), doubles(&reach.axis));
             let edges: Vec<f64> = reach.edges.iter().flatten().copied().collect();
             let (radius, rim) = (double(reach.radius), double(reach.rim));
-            let count = bodies.len();
+            let count = way.len() - first;
             let round = matches!(geom.shape, Shape::Sphere { .. } | Shape::Capsule { .. });
             let round = u32::from(round);
             format!("{{{first}, {count}, {position}, {radius}, {}, {rim}, {axis}, {round}}}", doubles(&edges))
         });
         let shapes: Vec<String> = shapes.collect();
-        self.lookup("int", "PATH", path);
+        self.lookup("Link", "WAY_TO", way);
         self.define("SHAPES", shapes.len());
         self.lookup("Shape", "SHAPE", shapes);
         let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
@@ -239,4 +221,33 @@ impl Words {
             let _ = writeln!(self.text, "TABLE Row {name} = {row};");
         }
     }
+}
+
+fn doubles(numbers: &[f64]) -> String {
+    braces(numbers, |&x| double(x))
+}
+
+/// The way from the base to body `to`, as `Link`s.
+fn links(model: &Model, to: usize) -> Vec<String> {
+    let mut bodies: Vec<usize> = std::iter::successors(Some(to), |&body| model.bodies[body].parent).collect();
+    bodies.reverse();
+    let mut links = Vec::new();
+    for index in bodies {
+        let body = &model.bodies[index];
+        let mut frame =
+            format!("{}, {}, {}", u32::from(body.parent.is_some()), doubles(&body.pos), doubles(&body.quat));
+        let joints = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
+        let count = links.len();
+        for (number, joint) in joints {
+            let slides = u32::from(joint.kind == JointKind::Slide);
+            let (anchor, axis) = (doubles(&joint.pos), doubles(&joint.axis));
+            links.push(format!("{{{frame}, {number}, {slides}, {anchor}, {axis}}}"));
+            // Further joints of the body act in the frame that the first one turned.
+            frame = "0, {}, {}".to_owned();
+        }
+        if links.len() == count {
+            links.push(format!("{{{frame}, -1, 0, {{}}, {{}}}}"));
+        }
+    }
+    links
 }

@@ -46,27 +46,23 @@ DEVICE double needed_height(int k, Quat base, const double place[2], const doubl
     Shape shape = SHAPE[k];
     Vec p = {UNEVEN ? place[0] : 0.0, UNEVEN ? place[1] : 0.0, 0.0};
     Quat q = base;
-    for (int place = shape.first; place < shape.first + shape.bodies; place++) {
-        int b = PATH[place];
-        Body body = BODY[b];
-        if (body.parent >= 0) {
-            p = sum(p, rotated(q, {body.position[0], body.position[1], body.position[2]}));
-            q = product(q, {body.quaternion[0], body.quaternion[1], body.quaternion[2], body.quaternion[3]});
+    for (int i = 0; i < shape.links; i++) {
+        Link link = WAY_TO[shape.first + i];
+        if (link.framed) {
+            p = sum(p, rotated(q, {link.position[0], link.position[1], link.position[2]}));
+            q = product(q, {link.quaternion[0], link.quaternion[1], link.quaternion[2], link.quaternion[3]});
         }
-        for (int h = body.joint; h < body.joint + body.joints; h++) {
-            int j = JOINT_ORDER[h];
-            Joint joint = JOINT[j];
-            double c = moves[2 * j], s = moves[2 * j + 1];
-            if (joint.slides) {
-                p = sum(p, rotated(q, {s * joint.axis[0], s * joint.axis[1], s * joint.axis[2]}));
-                continue;
-            }
-            // A turn about the anchor: the anchor stays where it is.
-            Vec own = {joint.position[0], joint.position[1], joint.position[2]};
-            Vec anchor = sum(p, rotated(q, own));
-            q = product(q, {c, s * joint.axis[0], s * joint.axis[1], s * joint.axis[2]});
-            p = difference(anchor, rotated(q, own));
+        if (link.joint < 0) continue;
+        double c = moves[2 * link.joint], s = moves[2 * link.joint + 1];
+        if (link.slides) {
+            p = sum(p, rotated(q, {s * link.axis[0], s * link.axis[1], s * link.axis[2]}));
+            continue;
         }
+        // A turn about the anchor: the anchor stays where it is.
+        Vec own = {link.anchor[0], link.anchor[1], link.anchor[2]};
+        Vec anchor = sum(p, rotated(q, own));
+        q = product(q, {c, s * link.axis[0], s * link.axis[1], s * link.axis[2]});
+        p = difference(anchor, rotated(q, own));
     }
     Vec centre = sum(p, rotated(q, {shape.position[0], shape.position[1], shape.position[2]}));
     double edges[3];

@@ -82,8 +82,12 @@ DEVICE void keep_step(
     const Moment& m, const float terms[][THREADS], u32 part, u32 lane, bool broken, float* last_action, float* feet, double* tally
 ) {
     u32 e = m.e;
+    // All sums are read before one is written.
+    double sums[REWARDS / FINISH_PARTS + 1];
     for (int k = 0; k < REWARDS; k++)
-        if (k % FINISH_PARTS == part && !broken) TALLY(1 + k) += (double)terms[k][lane];
+        if (k % FINISH_PARTS == part) sums[k / FINISH_PARTS] = TALLY(1 + k);
+    for (int k = 0; k < REWARDS; k++)
+        if (k % FINISH_PARTS == part && !broken) TALLY(1 + k) = sums[k / FINISH_PARTS] + (double)terms[k][lane];
     if (part == 1 % FINISH_PARTS)
         for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (part == 2 % FINISH_PARTS)
@@ -102,6 +106,9 @@ DEVICE bool finish_step(
     u32 e = m.e, number = control[FIRST_STEP] + step;
     u64 row = (u64)step * ENVIRONMENTS + e;
     float paid = sum_of(terms, lane);
+    // What is added to is read before the first number is written.
+    float sum = returns[e], length = returns[ENVIRONMENTS + e] + 1.0f;
+    double total_paid = TALLY(0), velocity_error = TALLY(VELOCITY_ERROR), yaw_error = TALLY(YAW_ERROR);
     bool over = age >= EPISODE_STEPS_MAX;
 #if COURSE
     Base base = base_of(state, e);
@@ -124,9 +131,9 @@ DEVICE bool finish_step(
         TALLY(DIVERGED) += 1.0;
         paid = 0.0f;
     } else {
-        TALLY(0) += (double)paid;
-        TALLY(VELOCITY_ERROR) += (double)off[0];
-        TALLY(YAW_ERROR) += (double)off[1];
+        TALLY(0) = total_paid + (double)paid;
+        TALLY(VELOCITY_ERROR) = velocity_error + (double)off[0];
+        TALLY(YAW_ERROR) = yaw_error + (double)off[1];
     }
 #if TRIALS
     errors[2 * row] = off[0], errors[2 * row + 1] = off[1];
@@ -135,7 +142,7 @@ DEVICE bool finish_step(
     reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
     done[row] = ended == GOES_ON ? 0.0f : 1.0f;
 
-    float sum = returns[e] + paid, length = returns[ENVIRONMENTS + e] + 1.0f;
+    sum = sum + paid;
 #if STEPWISE
     ends[e] = ended == FALL;
     ends[ENDS_APART + e] = ended == TIME_OUT;

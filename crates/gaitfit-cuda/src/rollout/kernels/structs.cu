@@ -25,22 +25,24 @@ struct Term {
 struct Row {
     int first, terms, scale, width, frames;
 };
-// A body: its parent (-1 for the root), its joints' places in JOINT_ORDER, and its frame in the parent's.
-struct Body {
-    int parent, joint, joints;
-    double position[3], quaternion[4];
-};
-// A joint: its anchor and axis in the body's frame, its position at its reference, its range, and whether it slides.
+// A joint: its position at its reference, its range, and whether it slides.
 struct Joint {
-    double position[3], axis[3], reference;
+    double reference;
     int limited;
     double range[2];
     int slides;
 };
-// A geom that may touch the ground: the places in PATH of the bodies from the root to its own, and how far it reaches
-// from its centre.
+// A part of the way from the base to a geom: whether a body's frame in its parent's comes first, and that frame; then a joint
+// (-1: none), its anchor and axis in the body's frame, and whether it slides.
+struct Link {
+    int framed;
+    double position[3], quaternion[4];
+    int joint, slides;
+    double anchor[3], axis[3];
+};
+// A geom that may touch the ground: the way to it in WAY_TO, and how far it reaches from its centre.
 struct Shape {
-    int first, bodies;
+    int first, links;
     double position[3], radius, edges[9], rim, axis[3];
     // Whether it is a sphere or a capsule.
     int round;
