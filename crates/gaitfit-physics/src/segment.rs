@@ -5,12 +5,14 @@
 //! node, A and p the node's articulated inertia and residual wrench. Eliminating q̈ leaves A − F H⁻¹ Fᵀ and
 //! p − F H⁻¹ r on the node.
 
+use core::ops::Range;
+
 use crate::Real;
 use crate::coupling::{self, Terms};
 use crate::separate::separate;
 use crate::solver::set_step;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
-use crate::state::{State, Work};
+use crate::state::{JointWork, State, Work};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
 
@@ -98,14 +100,18 @@ fn eliminate_joints<T: Real, const N: usize>(
     work: &mut Work<T>,
 ) -> T {
     let segment = &tree.segments[index];
+    let joints = segment.first - 1..segment.first - 1 + N;
+    let (curvatures, rows) = joint_rows::<T, N>(joints.clone(), hessian, state, work);
     let scratch = &work.segments[index];
     let mut block = Block { h: scratch.mass, f: scratch.force, r: scratch.residual };
     for k in 0..N {
-        let (curvature, row) = joint_terms(segment.first + k - 1, hessian, state, work);
-        block.h[k] = block.h[k] + curvature;
-        block.r[k] = block.r[k] + row;
-        if !tree.self_contact.is_empty() {
-            block.r[k] = block.r[k] + work.self_contact.torque[segment.first + k - 1];
+        block.h[k] = block.h[k] + curvatures[k];
+        block.r[k] = block.r[k] + rows[k];
+    }
+    if !tree.self_contact.is_empty() {
+        let torques = &work.self_contact.torque[joints];
+        for k in 0..N {
+            block.r[k] = block.r[k] + torques[k];
         }
     }
     if !segment.couplings.is_empty() {
@@ -150,7 +156,7 @@ fn eliminate_joints<T: Real, const N: usize>(
         }
     }
     let parent = &mut work.nodes[segment.parent];
-    let (mut z, mut part) = (y, T::zero());
+    let (mut z, mut part, mut residual) = (y, T::zero(), parent.residual);
     for k in 0..N {
         let solved = d[k] * e[k];
         part = e[k].fma(solved, part);
@@ -158,8 +164,9 @@ fn eliminate_joints<T: Real, const N: usize>(
         out.inverse[k] = d[k];
         out.solved[k] = solved;
         z[k] = times(d[k], y[k]);
-        parent.residual = axpy6(-solved, y[k], parent.residual);
+        residual = axpy6(-solved, y[k], residual);
     }
+    parent.residual = residual;
     parent.inertia.sub_outers::<N>(&y, &z);
     part
 }
@@ -169,17 +176,38 @@ fn times<T: Real>(s: T, v: V6<T>) -> V6<T> {
     [scale(s, v[0]), scale(s, v[1])]
 }
 
-/// Hessian and negative torque of joint `j`'s rows; without `hessian` the integrator's damping instead.
+/// Hessians and negative torques of the rows of the `N` joints of a segment; without `hessian` the integrator's damping
+/// instead.
 #[inline(always)]
-pub(crate) fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Work<T>) -> (T, T) {
+fn joint_rows<T: Real, const N: usize>(
+    joints: Range<usize>,
+    hessian: bool,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> ([T; N], [T; N]) {
+    let (limited, accelerations) = (&work.limited[joints.clone()], &state.qacc[joints.clone()]);
+    let joints = &mut work.joints[joints];
+    let (mut curvatures, mut rows) = ([T::zero(); N], [T::zero(); N]);
+    for k in 0..N {
+        (curvatures[k], rows[k]) = joint_row(&mut joints[k], limited[k], accelerations[k]);
+    }
+    if !hessian {
+        for k in 0..N {
+            curvatures[k] = joints[k].implicit;
+            rows[k] = joints[k].implicit.fma(accelerations[k], rows[k]);
+        }
+    }
+    (curvatures, rows)
+}
+
+/// Hessian and negative torque of a joint's rows.
+#[inline(always)]
+pub(crate) fn joint_row<T: Real>(joint: &mut JointWork<T>, limited: T::Guard, qacc: T) -> (T, T) {
     let z = T::zero();
-    let joint = &mut work.joints[j];
-    let qacc = state.qacc[j];
     let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
     let mut row = slip.clamp(-loss, loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
-    let limited = work.limited[j];
     if T::enter(limited) {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
         let d = T::select_lt(gap, z, joint.limit_d, z);
@@ -189,7 +217,7 @@ pub(crate) fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, wo
         curvature = with_limit.1.merge(limited, curvature);
     }
     joint.row = row;
-    if hessian { (curvature, row) } else { (joint.implicit, joint.implicit.fma(qacc, row)) }
+    (curvature, row)
 }
 
 separate! {
@@ -316,8 +344,9 @@ fn substitute_joints<T: Real, const N: usize>(
             step[k] = work.joints[segment.first + k - 1].step.merge(touching, step[k]);
         }
     }
+    let joints = &mut work.joints[segment.first - 1..segment.first - 1 + N];
     for k in 0..N {
-        work.joints[segment.first + k - 1].step = step[k];
+        joints[k].step = step[k];
     }
     if let Some(node) = segment.node {
         let mut a = above;
@@ -342,7 +371,7 @@ fn substitute_joints<T: Real, const N: usize>(
         }
         scratch.step_residual[k] = change;
         curvature = change.fma(step[k], curvature);
-        slope = work.joints[segment.first + k - 1].row.fma(step[k], slope);
+        slope = joints[k].row.fma(step[k], slope);
     }
     parent.step_wrench = wrench;
     if let Some(node) = segment.node {
