@@ -54,9 +54,12 @@ pub(crate) fn pd<T: Real>(
     let n = drives.len();
     let taps = targets.len() / n;
     let z = T::zero();
+    // Slices of one length, which is looked at once.
+    let (joints, newest, velocities) = (&params.joints[..n], &targets[..n], &velocities[..n]);
+    let (qpos, qvel) = (&state.qpos[..n], &state.qvel[..n]);
     for j in 0..n {
-        let p = &params.joints[j];
-        let mut target = targets[j];
+        let p = &joints[j];
+        let mut target = newest[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
             let lead = settings.drive_lead();
@@ -74,13 +77,12 @@ pub(crate) fn pd<T: Real>(
             target = sum;
         }
         // The same branch for all lanes: the kind of a target is part of the robot's structure.
-        let push =
-            if velocities[j] { p.kd * target } else { p.kp * (target - (state.qpos[j] + p.encoder_bias)) };
-        let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], push), p.torque_offset);
+        let push = if velocities[j] { p.kd * target } else { p.kp * (target - (qpos[j] + p.encoder_bias)) };
+        let torque = p.torque_scale.fma(p.kd.fnma(qvel[j], push), p.torque_offset);
         let mut reach = [Reach { limit: p.torque_limit, fall: z }; 2];
         let falling = p.no_load_speed.unless_ge(T::lit(MAX_SPEED));
         if T::enter(falling) {
-            let [up, down] = [motor(p, state.qvel[j]), motor(p, -state.qvel[j])];
+            let [up, down] = [motor(p, qvel[j]), motor(p, -qvel[j])];
             T::leave(falling);
             reach = [up.merge(falling, reach[0]), down.merge(falling, reach[1])];
         }

@@ -12,7 +12,7 @@ use crate::drive::Drive;
 use crate::free;
 use crate::self_contact::self_contacts;
 use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
-use crate::state::{Motion, Pose, State, Work};
+use crate::state::{JointWork, Motion, Pose, State, Work};
 use crate::tree::{Axis, Link, Tree};
 use crate::vec3::*;
 use crate::{Damping, JointParams, LinkInertia, Params, Real};
@@ -38,8 +38,13 @@ pub(crate) fn smooth<T: Real>(
     for j in 0..work.displacements.len() {
         work.displacements[j] = displacement(&tree.links[j + 1], state.qpos[j]);
     }
-    for j in 0..work.joints.len() {
-        joint_rows(tree, params, state, drives, j, work);
+    // Slices of one length, which is looked at once.
+    let n = work.joints.len();
+    let (links, joints, drives) = (&tree.links[1..1 + n], &params.joints[..n], &drives[..n]);
+    let (qpos, qvel, limited) = (&state.qpos[..n], &state.qvel[..n], &mut work.limited[..n]);
+    for j in 0..n {
+        let motion = (qpos[j], qvel[j]);
+        joint_rows(tree, &links[j], &joints[j], motion, &drives[j], &mut work.joints[j], &mut limited[j]);
     }
     if !tree.couplings.is_empty() {
         coupling::prepare(tree, params, state, work);
@@ -311,24 +316,19 @@ pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>,
     (rigid, [cross_add(c, f, n), f])
 }
 
-/// Applied torque, friction-loss row and limit row of joint `j`.
+/// Applied torque, friction-loss row and limit row of the joint of `link` at position `q` and velocity `qd`.
 #[inline(always)]
 fn joint_rows<T: Real>(
     tree: &Tree<T::K>,
-    params: &Params<T>,
-    state: &State<T>,
-    drives: &[Drive<T>],
-    j: usize,
-    work: &mut Work<T>,
+    link: &Link<T::K>,
+    p: &JointParams<T>,
+    (q, qd): (T, T),
+    drive: &Drive<T>,
+    out: &mut JointWork<T>,
+    limited: &mut T::Guard,
 ) {
-    let link = &tree.links[j + 1];
-    let p = &params.joints[j];
-    let out = &mut work.joints[j];
-    let (q, qd) = (state.qpos[j], state.qvel[j]);
     let z = T::zero();
     let one = T::lit(1.0);
-
-    let drive = &drives[j];
     let pull = match &drive.gear {
         // The rotor's damping acts behind the gear.
         Some(gear) => gear.resistance.fnma(qd, gear.torque),
@@ -361,8 +361,8 @@ fn joint_rows<T: Real>(
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
         let depth = low.min(high) - T::k(limit.margin);
-        work.limited[j] = depth.unless_ge(z);
-        if !T::enter(work.limited[j]) {
+        *limited = depth.unless_ge(z);
+        if !T::enter(*limited) {
             return;
         }
         let imp = impedance(&limit.impedance, depth);
@@ -370,7 +370,7 @@ fn joint_rows<T: Real>(
         out.limit_sign = sign;
         out.limit_d = T::select_lt(depth, z, d, z);
         out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));
-        T::leave(work.limited[j]);
+        T::leave(*limited);
     }
 }
 

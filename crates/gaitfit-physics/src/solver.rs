@@ -343,16 +343,14 @@ fn rows_along<T: Real>(
 ) -> (T, T) {
     let z = T::zero();
     let mut g = (z, z);
-    for j in 0..work.joints.len() {
-        let joint = &work.joints[j];
+    for ((joint, &qacc), &limited) in work.joints.iter().zip(&state.qacc).zip(&work.limited) {
         let step = joint.step;
-        let a = alpha.fma(step, state.qacc[j]);
+        let a = alpha.fma(step, qacc);
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
         g.0 = step.fma(slip.clamp(-loss, loss), g.0);
         let curve = T::select_lt(slip.abs(), loss, joint.friction_d * step, z);
         g.1 = curve.fma(step, g.1);
-        let limited = work.limited[j];
         if T::enter(limited) {
             let before = g;
             let gap = joint.limit_sign.fma(a, joint.limit_bias);
@@ -416,8 +414,8 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
     if tree.floating {
         state.base_acceleration = axpy6(alpha, work.nodes[0].step, state.base_acceleration);
     }
-    for j in 0..work.joints.len() {
-        state.qacc[j] = alpha.fma(work.joints[j].step, state.qacc[j]);
+    for (qacc, joint) in state.qacc.iter_mut().zip(&work.joints) {
+        *qacc = alpha.fma(joint.step, *qacc);
     }
     if last {
         return;

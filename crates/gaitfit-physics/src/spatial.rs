@@ -150,26 +150,27 @@ impl<T: Real> Articulated<T> {
     }
 
     /// Subtracts the first `N` of `u vᵀ`, each `v` a multiple of its `u`. Element by element, so that the
-    /// accumulator needs no registers of its own.
+    /// accumulator needs no registers of its own. The negative sign is that of `u`: the compiler would take that of
+    /// a product apart and change it by an instruction of its own.
     #[inline(always)]
     pub fn sub_outers<const N: usize>(&mut self, u: &[V6<T>], v: &[V6<T>]) {
         for k in 0..6 {
             let (i, j) = PLACES[k];
             for n in 0..N {
-                self.aa[k] = v[n][0][i].fnma(u[n][0][j], self.aa[k]);
+                self.aa[k] = u[n][0][j].fnma(v[n][0][i], self.aa[k]);
             }
         }
         for i in 0..3 {
             for j in 0..3 {
                 for n in 0..N {
-                    self.al[i][j] = v[n][0][i].fnma(u[n][1][j], self.al[i][j]);
+                    self.al[i][j] = u[n][1][j].fnma(v[n][0][i], self.al[i][j]);
                 }
             }
         }
         for k in 0..6 {
             let (i, j) = PLACES[k];
             for n in 0..N {
-                self.ll[k] = v[n][1][i].fnma(u[n][1][j], self.ll[k]);
+                self.ll[k] = u[n][1][j].fnma(v[n][1][i], self.ll[k]);
             }
         }
     }

@@ -7,7 +7,7 @@
 use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
 use crate::coupling::{self, distant};
-use crate::segment::joint_terms;
+use crate::segment::joint_row;
 use crate::self_contact::sparsity::{Sparsity, at};
 use crate::self_contact::{SelfContactPair, SelfContactPairWork};
 use crate::separate::separate;
@@ -199,7 +199,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     }
     for link in (1..=joints).rev() {
         let j = link - 1;
-        let (curvature, _) = joint_terms(j, true, state, work);
+        let (curvature, _) = joint_row(&mut work.joints[j], work.limited[j], state.qacc[j]);
         let (home, member) = tree.self_contact.homes[j];
         let segment = &work.segments[home];
         let axis = segment.axis[member];
