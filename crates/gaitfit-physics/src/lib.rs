@@ -10,7 +10,6 @@
 //! Geoms touch planes; spheres and capsules also touch static boxes and height fields. Chosen pairs of the robot's own
 //! spheres, capsules and boxes touch each other. Nothing else touches.
 
-mod block;
 mod compile;
 mod cone;
 mod contact;

@@ -8,11 +8,10 @@
 use core::ops::Range;
 
 use crate::Real;
-use crate::block::{Block, below, carry, contact_couplings, segment_contacts};
 use crate::coupling::{self, Terms};
 use crate::separate::separate;
 use crate::solver::set_step;
-use crate::spatial::{V6, add6, axpy6, dot6};
+use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{JointWork, State, Work};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
@@ -24,6 +23,55 @@ pub(crate) enum Wanted {
     Step,
     /// Also what a line search or a further iteration reads.
     Everything,
+}
+
+/// The block of one segment while it is put together.
+#[derive(Clone, Copy)]
+struct Block<T> {
+    /// 00, 11, 22, 10, 20, 21.
+    h: [T; 6],
+    f: [V6<T>; SEGMENT],
+    r: [T; SEGMENT],
+}
+
+/// Place of element (k, i), k > i, in a packed symmetric 3 × 3 matrix.
+#[inline(always)]
+fn below(k: usize, i: usize) -> usize {
+    2 + k + i
+}
+
+impl<T: Real> Block<T> {
+    /// After a region that added to the block: see [`Real::merge`].
+    #[inline(always)]
+    fn merge(&mut self, guard: T::Guard, before: &Self) {
+        merge_all(&mut self.h, guard, &before.h);
+        merge_all(&mut self.r, guard, &before.r);
+        for k in 0..SEGMENT {
+            merge6(&mut self.f[k], guard, &before.f[k]);
+        }
+    }
+
+    /// Adds an inertia and a residual wrench that the segment's link `member` carries.
+    #[inline(always)]
+    fn carry<const N: usize>(
+        &mut self,
+        member: usize,
+        axis: &[V6<T>; SEGMENT],
+        inertia: &Articulated<T>,
+        wrench: V6<T>,
+    ) {
+        for k in 0..N {
+            if k <= member {
+                let force = inertia.mul(axis[k]);
+                self.f[k] = add6(self.f[k], force);
+                self.h[k] = dot6_add(axis[k], force, self.h[k]);
+                for i in 0..k {
+                    self.h[below(k, i)] = dot6_add(axis[i], force, self.h[below(k, i)]);
+                }
+                self.r[k] = dot6_add(axis[k], wrench, self.r[k]);
+            }
+        }
+    }
 }
 
 /// Eliminates segment `index` onto its node; returns rᵀH⁻¹r, its part of the squared Newton decrement.
@@ -51,30 +99,11 @@ fn eliminate_joints<T: Real, const N: usize>(
     state: &State<T>,
     work: &mut Work<T>,
 ) -> T {
-    // Few robots add to the coupling F while H is put together.
-    let adds_first = tree.segments[index].node.is_some() || tree.spins > 0;
-    if adds_first {
-        work.segments[index].coupling = work.segments[index].force;
-    }
-    let part = factor::<T, N>(tree, index, hessian, state, work);
-    condense::<T, N>(tree, index, hessian, adds_first, work);
-    part
-}
-
-/// Puts the joints' part of the block of segment `index` together and factors it; returns rᵀH⁻¹r.
-#[inline(always)]
-fn factor<T: Real, const N: usize>(
-    tree: &Tree<T::K>,
-    index: usize,
-    hessian: bool,
-    state: &State<T>,
-    work: &mut Work<T>,
-) -> T {
     let segment = &tree.segments[index];
     let joints = segment.first - 1..segment.first - 1 + N;
-    let (curvatures, rows) = segment_rows::<T, N>(joints.clone(), hessian, state, work);
+    let (curvatures, rows) = joint_rows::<T, N>(joints.clone(), hessian, state, work);
     let scratch = &work.segments[index];
-    let mut block = Block { h: scratch.mass, r: scratch.residual };
+    let mut block = Block { h: scratch.mass, f: scratch.force, r: scratch.residual };
     for k in 0..N {
         block.h[k] = block.h[k] + curvatures[k];
         block.r[k] = block.r[k] + rows[k];
@@ -97,21 +126,22 @@ fn factor<T: Real, const N: usize>(
     }
     if let Some(node) = segment.node {
         let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
-        carry::<T, N>(N - 1, &inertia, residual, &mut block, &mut work.segments[index]);
+        block.carry::<N>(N - 1, &work.segments[index].axis, &inertia, residual);
         let parent = &mut work.nodes[segment.parent];
         parent.inertia.add(&inertia);
         parent.residual = add6(parent.residual, residual);
     }
     segment_contacts::<T, N>(tree, index, hessian, &mut block, work);
-    let Block { h, r } = block;
+    let Block { h, f, r } = block;
 
-    // LDLᵀ of H.
+    // LDLᵀ of H, applied to [Fᵀ | r] on the way.
     let out = &mut work.segments[index];
-    let (mut e, mut d) = (r, r);
+    let (mut y, mut e, mut d) = (f, r, r);
     d[0] = h[0].recip();
     if N > 1 {
         let l10 = h[3] * d[0];
         d[1] = l10.fnma(h[3], h[1]).recip();
+        y[1] = axpy6(-l10, y[0], f[1]);
         e[1] = l10.fnma(e[0], r[1]);
         out.lower[0] = l10;
         if N > 2 {
@@ -119,52 +149,26 @@ fn factor<T: Real, const N: usize>(
             let t = l20.fnma(h[3], h[5]);
             let l21 = t * d[1];
             d[2] = l21.fnma(t, l20.fnma(h[4], h[2])).recip();
+            y[2] = axpy6(-l21, y[1], axpy6(-l20, y[0], f[2]));
             e[2] = l21.fnma(e[1], l20.fnma(e[0], r[2]));
             out.lower[1] = l20;
             out.lower[2] = l21;
         }
     }
-    let mut part = T::zero();
+    let parent = &mut work.nodes[segment.parent];
+    let (mut z, mut part, mut residual) = (y, T::zero(), parent.residual);
     for k in 0..N {
         let solved = d[k] * e[k];
         part = e[k].fma(solved, part);
+        out.coupling[k] = y[k];
         out.inverse[k] = d[k];
         out.solved[k] = solved;
-    }
-    part
-}
-
-/// Adds what remains of the factored segment `index` to its node. `added`: whether F is already in the place of L⁻¹ Fᵀ.
-#[inline(always)]
-fn condense<T: Real, const N: usize>(
-    tree: &Tree<T::K>,
-    index: usize,
-    hessian: bool,
-    added: bool,
-    work: &mut Work<T>,
-) {
-    let scratch = &work.segments[index];
-    let start = if added { &scratch.coupling } else { &scratch.force };
-    let mut y = *start;
-    if hessian {
-        contact_couplings::<T, N>(tree, index, &mut y, work);
-    }
-    let scratch = &mut work.segments[index];
-    if N > 1 {
-        y[1] = axpy6(-scratch.lower[0], y[0], y[1]);
-    }
-    if N > 2 {
-        y[2] = axpy6(-scratch.lower[2], y[1], axpy6(-scratch.lower[1], y[0], y[2]));
-    }
-    let parent = &mut work.nodes[tree.segments[index].parent];
-    let (mut z, mut residual) = (y, parent.residual);
-    for k in 0..N {
-        scratch.coupling[k] = y[k];
-        z[k] = times(scratch.inverse[k], y[k]);
-        residual = axpy6(-scratch.solved[k], y[k], residual);
+        z[k] = times(d[k], y[k]);
+        residual = axpy6(-solved, y[k], residual);
     }
     parent.residual = residual;
     parent.inertia.sub_outers::<N>(&y, &z);
+    part
 }
 
 #[inline(always)]
@@ -175,7 +179,7 @@ fn times<T: Real>(s: T, v: V6<T>) -> V6<T> {
 /// Hessians and negative torques of the rows of the `N` joints of a segment; without `hessian` the integrator's damping
 /// instead.
 #[inline(always)]
-fn segment_rows<T: Real, const N: usize>(
+fn joint_rows<T: Real, const N: usize>(
     joints: Range<usize>,
     hessian: bool,
     state: &State<T>,
@@ -239,6 +243,57 @@ separate! {
             }
         }
         (h, r)
+    }
+}
+
+/// Adds the contacts of the segment's links to its block and to the node.
+#[inline(always)]
+fn segment_contacts<T: Real, const N: usize>(
+    tree: &Tree<T::K>,
+    index: usize,
+    hessian: bool,
+    block: &mut Block<T>,
+    work: &mut Work<T>,
+) {
+    let segment = &tree.segments[index];
+    for number in segment.pairs.clone() {
+        let pair = &tree.pairs[number];
+        let active = work.pairs[number].active;
+        if !T::enter(active) {
+            continue;
+        }
+        let parent = &mut work.nodes[segment.parent];
+        let before = (*block, parent.inertia, parent.residual);
+        for (place, point) in work.points[pair.points.clone()].iter().enumerate() {
+            if pair.condim > 3 {
+                let (wrench, inertia) = &work.spins[pair.spin + place];
+                let inertia = if hessian { *inertia } else { Articulated::zero() };
+                block.carry::<N>(pair.member, &work.segments[index].axis, &inertia, *wrench);
+                parent.inertia.add(&inertia);
+                parent.residual = add6(parent.residual, *wrench);
+                continue;
+            }
+            for k in 0..N {
+                if k <= pair.member {
+                    let g = point.columns[k];
+                    block.r[k] = dot_add(g, point.world_force, block.r[k]);
+                    if hessian {
+                        let y = sym_mul(&point.weight, g);
+                        block.f[k] = [cross_add(point.x, y, block.f[k][0]), add(block.f[k][1], y)];
+                        block.h[k] = dot_add(g, y, block.h[k]);
+                        for i in 0..k {
+                            let place = below(k, i);
+                            block.h[place] = dot_add(point.columns[i], y, block.h[place]);
+                        }
+                    }
+                }
+            }
+            parent.push(point, hessian);
+        }
+        T::leave(active);
+        block.merge(active, &before.0);
+        parent.inertia.merge(active, &before.1);
+        merge6(&mut parent.residual, active, &before.2);
     }
 }
 

@@ -195,8 +195,6 @@ pub(crate) struct Point<T> {
     pub weight: Sym3<T>,
     /// Velocity of the point for a unit rate of each joint of its segment, world axes.
     pub columns: [V3<T>; SEGMENT],
-    /// `weight` times these.
-    pub pushed: [V3<T>; SEGMENT],
     /// Rows: normal and tangents, world axes.
     pub frame: M3<T>,
 }
@@ -320,7 +318,6 @@ macro_rules! work_numbers {
             all(&mut $visit, point("world_force", 3), $($reference)+ each.world_force);
             all(&mut $visit, point("weight", 6), $($reference)+ each.weight);
             all(&mut $visit, point("columns", 9), ($($reference)+ each.columns).into_iter().flatten());
-            all(&mut $visit, point("pushed", 9), ($($reference)+ each.pushed).into_iter().flatten());
             all(&mut $visit, point("frame", 9), ($($reference)+ each.frame).into_iter().flatten());
             if condim > 3 {
                 if let Some((wrench, inertia)) = spins.next() {
@@ -401,7 +398,6 @@ impl<T: Real> Work<T> {
             world_force: zero3(),
             weight: [z; 6],
             columns: [zero3(); SEGMENT],
-            pushed: [zero3(); SEGMENT],
             frame: [zero3(); 3],
         };
         Self {

@@ -35,6 +35,10 @@ DEVICE void start_episodes(
     float* command, const float* ways
 ) {
     __syncthreads();
+    u32 any = 0;
+#pragma unroll
+    for (u32 k = 0; k < THREADS; k++) any |= begins[k];
+    if (!any) return;
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
         start_episode(control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways);
