@@ -74,7 +74,7 @@ impl OnGpu for ReplaySimulator {
     }
 }
 
-/// A simulator on a GPU. Short predictions from what a log's sensors read are the host's, which has a GPU for them too.
+/// A simulator on a GPU. The host simulates short predictions; it may use a GPU too.
 pub struct GpuSimulator<S> {
     host: S,
     gpu: Mutex<Gpu>,

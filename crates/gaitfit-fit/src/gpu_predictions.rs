@@ -36,8 +36,8 @@ mod with_cuda {
     pub struct GpuPredictions(OnceLock<Predictions>);
 
     impl GpuPredictions {
-        /// Has every job predict every course and calls `consume(job, course, track)` once for each, from any thread. Of a
-        /// track there are the joints' signals. `Ok(false)`: the fit has no GPU, or its GPU cannot do it, and nothing was consumed.
+        /// Has jobs predict every course and calls `consume(job, course, track)` once for each, from any thread. A track has the
+        /// joints' signals. Returns the jobs that are left for the CPU; all, if the fit has no GPU.
         ///
         /// # Errors
         /// A candidate that is no robot; a failure of the GPU; [`SimulatorError::Cancelled`].
@@ -48,24 +48,19 @@ mod with_cuda {
             jobs: &[Job],
             consume: &(dyn Fn(usize, usize, &Track) + Sync),
             cancel: &(dyn Fn() -> bool + Sync),
-        ) -> Result<bool, SimulatorError> {
-            let Some(gpu) = walking.gpus.first() else { return Ok(false) };
+        ) -> Result<Vec<usize>, SimulatorError> {
+            let Some(gpu) = walking.gpus.first() else { return Ok((0..jobs.len()).collect()) };
             let (walker, Readings { courses, tables }) = (&walking.task.walker, readings);
             let predictions = self.0.get_or_init(|| Predictions::new(gpu, walking.threads));
-            if !predictions.is_worth(jobs) {
-                return Ok(false);
-            }
             let tables = tables.get_or_init(|| Arc::new(Tables::predict(walker, courses)));
             let joints = walker.joints.len();
             let pass = |job: usize, course: usize, tracks: Tracks<'_>| {
                 consume(job, course, &track(joints, &tracks));
             };
-            match predictions.run(walker, (tables, courses), jobs, &pass, cancel) {
-                Ok(()) => Ok(true),
-                Err(FitError::Unsupported(_)) => Ok(false),
-                Err(FitError::Cancelled) => Err(SimulatorError::Cancelled),
-                Err(error) => Err(SimulatorError::failed(error)),
-            }
+            predictions.run(walker, (tables, courses), jobs, &pass, cancel).map_err(|error| match error {
+                FitError::Cancelled => SimulatorError::Cancelled,
+                error => SimulatorError::failed(error),
+            })
         }
     }
 
@@ -104,7 +99,7 @@ mod without_cuda {
     pub struct GpuPredictions;
 
     impl GpuPredictions {
-        /// Always `Ok(false)`.
+        /// Leaves all jobs.
         ///
         /// # Errors
         /// None.
@@ -112,11 +107,11 @@ mod without_cuda {
             &self,
             _: &Walking,
             _: &Readings,
-            _: &[Job],
+            jobs: &[Job],
             _: &(dyn Fn(usize, usize, &Track) + Sync),
             _: &(dyn Fn() -> bool + Sync),
-        ) -> Result<bool, SimulatorError> {
-            Ok(false)
+        ) -> Result<Vec<usize>, SimulatorError> {
+            Ok((0..jobs.len()).collect())
         }
     }
 }

@@ -150,8 +150,8 @@ impl<T: Real> Articulated<T> {
     }
 
     /// Subtracts the first `N` of `u vᵀ`, each `v` a multiple of its `u`. Element by element, so that the
-    /// accumulator needs no registers of its own. The negative sign is that of `u`: the compiler would take that of
-    /// a product apart and change it by an instruction of its own.
+    /// accumulator needs no registers of its own. `u` carries the minus sign: `v` is a product, and the compiler would spend an
+    /// instruction on its sign.
     #[inline(always)]
     pub fn sub_outers<const N: usize>(&mut self, u: &[V6<T>], v: &[V6<T>]) {
         for k in 0..6 {

@@ -94,7 +94,7 @@ pub struct Dimension {
     samples: Samples,
 }
 
-/// Samples of all recordings, which are sorted when they are first asked for: costs of single samples never do.
+/// Samples of all recordings. They are sorted at first use, because costs of single samples never need that.
 #[derive(Clone, Debug)]
 struct Samples {
     recorded: Vec<f64>,

@@ -323,7 +323,14 @@ impl<'a> Fit<'a> {
             Ok(done.map(|done| (index, moved, done)))
         };
         let steps: Vec<_> = match self.simulator.shared() {
-            Some(shared) => pool::map(own.len(), shared.threads(), |number| step(shared, own[number])),
+            Some(shared) => {
+                let parallel = |&run: &usize| {
+                    let cost = costs[runs[run].cost].as_ref();
+                    Problem::parallel(cost, 2 * theta.len() + 1, shared.threads())
+                };
+                let threads = own.iter().map(parallel).min().unwrap_or(1);
+                pool::map(own.len(), threads, |number| step(shared, own[number]))
+            }
             None => own.iter().map(|&index| step(self.simulator, index)).collect(),
         };
         steps.into_iter().filter_map(Result::transpose).collect()

@@ -6,17 +6,15 @@ use gaitfit_policy::follow::Job;
 use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
 
+use super::scene::by_structure;
 use super::session::{Physics, Session};
 use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
 use crate::runtime::{Device, Event, Stream};
 
 /// Max number of candidates whose signals are brought to the host at once.
 const MAX_SHOWN: usize = 64;
-/// Max bytes of signals that are brought to the host at once when robots make logs. One robot alone may have more.
+/// Max bytes of signals that are brought to the host at once, of logs and predictions. One robot alone may have more.
 const MAX_SHOWN_BYTES: usize = 256 << 20;
-
-/// Min number of candidates that a session of predictions has room for.
-const MIN_ROOM: usize = 4;
 
 /// The robot's side of the costs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -90,26 +88,6 @@ impl Candidates {
     /// The recordings.
     pub fn tables(&self) -> &Tables {
         &self.tables
-    }
-
-    /// Puts other recordings in the place of its own.
-    ///
-    /// # Errors
-    /// A failure of the GPU.
-    pub(super) fn set_tables(&mut self, tables: &Arc<Tables>) -> Result<(), FitError> {
-        if Arc::ptr_eq(&self.tables, tables) {
-            return Ok(());
-        }
-        if tables.has_sizes_of(&self.tables) {
-            for session in &mut self.sessions {
-                session.write_tables(&self.stream, tables)?;
-            }
-        } else {
-            self.sessions.clear();
-        }
-        self.measured = None;
-        self.tables = Arc::clone(tables);
-        Ok(())
     }
 
     /// Sets what candidates are compared with.
@@ -219,39 +197,54 @@ impl Candidates {
             let found = begin.earlier as usize;
             return Err(FitError::Length { what: "samples before a recording", expected: max, found });
         }
-        self.walks(subject, jobs, Some(begins), self.shown(subject), consume, cancel)
+        self.walks(subject, jobs, Some(begins), shown(subject, &self.tables), consume, cancel)
     }
 
-    /// Max number of candidates whose signals come to the host at once.
-    fn shown(&self, subject: Subject<'_>) -> usize {
-        let each = 4 * self.tables.recordings() * self.tables.samples * self.tables.dimensions(subject);
-        (MAX_SHOWN_BYTES / each.max(1)).max(1)
-    }
-
-    /// Runs predictions of the first of `wanted` candidates like `example`, as many as there is room for, and returns how many.
-    /// `numbers`: of all of them. `signals` gets theirs.
+    /// Runs predictions of the first of some candidates like `example` on the recordings of `tables`, as many as there is room for,
+    /// and returns how many. `numbers`: those of all candidates, and how many there are. `signals` gets what was predicted.
     ///
     /// # Errors
     /// As [`Candidates::parts`].
     pub(super) fn predict(
         &mut self,
         subject: Subject<'_>,
+        tables: &Arc<Tables>,
         example: &Job,
-        numbers: Numbers,
-        wanted: usize,
+        (numbers, wanted): (Numbers, usize),
         signals: &mut Vec<f32>,
     ) -> Result<usize, FitError> {
         let structure = Structure::new(&example.candidate);
-        // A session of a few sizes each, for a session takes as long for one candidate as for all that it has room for.
-        let room = wanted.min(self.shown(subject)).next_power_of_two().max(MIN_ROOM);
-        let there = |session: &Session| session.physics.structure == structure && session.asked == room;
-        let session = match self.sessions.iter().position(there) {
-            Some(there) => there,
-            None => self.new_session(subject, &structure, example, room)?,
+        let shown = wanted.min(shown(subject, tables));
+        // Rooms are powers of two, so that there are few sessions: each computes its whole room, however few candidates it is given.
+        let room = shown.next_power_of_two();
+        let fits = |session: &Session| {
+            session.physics.structure == structure
+                && session.asked == room
+                && session.tables.has_sizes_of(tables)
         };
+        let session = match self.sessions.iter().position(fits) {
+            Some(there) => there,
+            None => {
+                self.tables = Arc::clone(tables);
+                // Logs of other sizes will hardly come again.
+                self.sessions.retain(|session| session.tables.has_sizes_of(tables));
+                match self.new_session(subject, &structure, example, room) {
+                    // The memory of the others may be enough.
+                    Err(_) if !self.sessions.is_empty() => {
+                        self.sessions.clear();
+                        self.new_session(subject, &structure, example, room)?
+                    }
+                    session => session?,
+                }
+            }
+        };
+        if let Err(error) = self.sessions[session].take_tables(&self.stream, tables) {
+            self.sessions.clear();
+            return Err(error.into());
+        }
         let session = &mut self.sessions[session];
-        let now = wanted.min(session.capacity());
         session.run(&self.stream, &numbers.repeated(wanted, session.capacity()))?;
+        let now = shown.min(session.capacity());
         session.read_signals(&self.stream, now, signals)?;
         Ok(now)
     }
@@ -307,15 +300,7 @@ impl Candidates {
             let what = "resets to the log (matchs) of a policy that observes a history";
             return Err(FitError::Unsupported(what.to_owned()));
         }
-        let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
-        for (number, job) in jobs.iter().enumerate() {
-            let structure = Structure::new(&job.candidate);
-            match groups.iter_mut().find(|(of, _)| *of == structure) {
-                Some((_, own)) => own.push(number),
-                None => groups.push((structure, vec![number])),
-            }
-        }
-        Ok(groups)
+        Ok(by_structure(jobs.iter().map(|job| &job.candidate)))
     }
 
     /// Number of the session of candidates like `example`, with room for `wanted` of them if they fit.
@@ -355,7 +340,8 @@ impl Candidates {
                 physics
             }
         };
-        let (tables, measured) = (&self.tables, self.measured.as_deref());
+        let measured = self.measured.as_deref();
+        let tables = Arc::clone(&self.tables);
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
         self.sessions.push(session);
         Ok(self.sessions.len() - 1)
@@ -412,4 +398,10 @@ impl Candidates {
         }
         Ok(times)
     }
+}
+
+/// Max number of candidates whose signals come to the host at once.
+fn shown(subject: Subject<'_>, tables: &Tables) -> usize {
+    let each = 4 * tables.recordings() * tables.samples * tables.dimensions(subject);
+    (MAX_SHOWN_BYTES / each.max(1)).max(1)
 }

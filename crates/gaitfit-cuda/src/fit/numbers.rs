@@ -127,16 +127,18 @@ impl Numbers {
     pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
         let mut all = Self::default();
         for part in parts {
-            all.params.extend(&part.params);
-            all.factors.extend(&part.factors);
-            all.every.extend(&part.every);
-            all.seeds.extend(&part.seeds);
-            all.begins.extend(&part.begins);
-            all.starts.extend(&part.starts);
-            all.trust.extend(&part.trust);
-            all.deviation.extend(&part.deviation);
-            all.imus.extend(&part.imus);
-            all.weights.extend(part.weights.iter().cloned());
+            let Self { params, factors, every, seeds, begins, starts, trust, deviation, imus, weights } =
+                part;
+            all.params.extend(params);
+            all.factors.extend(factors);
+            all.every.extend(every);
+            all.seeds.extend(seeds);
+            all.begins.extend(begins);
+            all.starts.extend(starts);
+            all.trust.extend(trust);
+            all.deviation.extend(deviation);
+            all.imus.extend(imus);
+            all.weights.extend(weights.iter().cloned());
         }
         all
     }

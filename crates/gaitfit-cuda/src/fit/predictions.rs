@@ -7,29 +7,31 @@ use gaitfit_policy::predict::{Course, Job};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::pool;
 
+use super::scene::by_structure;
+use super::shares::Cancel;
 use super::{Candidates, FitError, Numbers, Readings, Structure, Subject, Tables, Tracks};
 use crate::runtime::Device;
 
 /// Predicts logs by candidates on a GPU. The robot must be the same in all calls. The logs may change from call to call: what is
-/// compiled and allocated for logs as many and as long stays. Several threads may call: while one uses the GPU the others' calls
-/// gather, and those on the same logs run together.
+/// compiled and allocated for logs as many and as long stays. Several threads may call: while one uses the GPU, the others' calls
+/// wait, and those for the same logs and the same program then run together.
 pub struct Predictions {
     device: Device,
     threads: usize,
-    /// The candidates, on the logs of the last call.
     candidates: Mutex<Option<Candidates>>,
-    /// Structures that candidates had before.
-    known: Mutex<Vec<Structure>>,
     /// Requests that wait for the GPU.
     waiting: Mutex<Vec<Arc<Request>>>,
     /// Memory for signals that is free.
     spare: Mutex<Vec<Vec<f32>>>,
 }
 
-/// Max number of candidates that run together.
+/// Max number of candidates of several requests that run together, and of one request.
 const MAX_TOGETHER: usize = 256;
-/// Fewer candidates of a new structure are not worth a program of their own.
+/// The CPU predicts fewer candidates than this with a program of their own: a program takes seconds to compile. The number depends
+/// on the call alone, so that a fit repeats its bits.
 const FEW: usize = 4;
+/// Max number of lists of signals that are kept for the next call.
+const MAX_SPARE: usize = 4;
 
 /// Candidates of one structure on some logs.
 struct Request {
@@ -66,28 +68,18 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Predictions {
     /// On `device`. `threads`: of the host, for what it prepares.
     pub fn new(device: &Device, threads: usize) -> Self {
-        let (candidates, known, waiting, spare) = Default::default();
-        Self { device: device.clone(), threads, candidates, known, waiting, spare }
-    }
-
-    /// Whether the GPU should predict these jobs: not a few robots that need another program than those before.
-    pub fn is_worth(&self, jobs: &[Job]) -> bool {
-        let mut known = locked(&self.known);
-        let new = |job: &Job| Some(Structure::new(&job.candidate)).filter(|one| !known.contains(one));
-        let new: Vec<Structure> = jobs.iter().filter_map(new).collect();
-        let worth = new.is_empty() || new.len() >= FEW;
-        if worth {
-            for one in new {
-                if !known.contains(&one) {
-                    known.push(one);
-                }
-            }
+        Self {
+            device: device.clone(),
+            threads,
+            candidates: Mutex::new(None),
+            waiting: Mutex::new(Vec::new()),
+            spare: Mutex::new(Vec::new()),
         }
-        worth
     }
 
-    /// Has every job predict every course and hands `consume(job, course, tracks)` the joint positions and velocities, once,
-    /// from any thread. `tables`: [`Tables::predict`] of the courses.
+    /// Has jobs predict every course and hands `consume(job, course, tracks)` the joint positions and velocities, once, from any
+    /// thread. `tables`: [`Tables::predict`] of the courses. Returns the jobs that are left for the CPU: those of structures that few
+    /// of the jobs have.
     ///
     /// # Errors
     /// Candidates that cannot be simulated; a failure of the GPU; [`FitError::Cancelled`].
@@ -97,37 +89,38 @@ impl Predictions {
         (tables, courses): (&Arc<Tables>, &[Course]),
         jobs: &[Job],
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
-        cancel: &(dyn Fn() -> bool + Sync),
-    ) -> Result<(), FitError> {
-        if courses.is_empty() {
-            return Ok(());
-        }
-        let structures: Vec<Structure> = jobs.iter().map(|job| Structure::new(&job.candidate)).collect();
-        let mut left: Vec<usize> = (0..jobs.len()).collect();
-        while let Some(&first) = left.first() {
-            if cancel() {
-                return Err(FitError::Cancelled);
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<usize>, FitError> {
+        let mut few = Vec::new();
+        let subject = Subject::Predict(walker);
+        let (size, recordings) = (tables.samples * subject.dimensions(), tables.recordings());
+        for (structure, own) in by_structure(jobs.iter().map(|job| &job.candidate)) {
+            if own.len() < FEW || courses.is_empty() {
+                few.extend(own);
+                continue;
             }
-            let (own, others): (Vec<usize>, Vec<usize>) =
-                left.iter().partition(|&&job| structures[job] == structures[first]);
-            let chosen: Vec<&Job> = own.iter().map(|&job| &jobs[job]).collect();
-            let request = self.request(walker, (tables, courses), &structures[first], &chosen)?;
-            let Done { signals, first, count } = self.answer(Subject::Predict(walker), &request)?;
-            let dimensions = Subject::Predict(walker).dimensions();
-            let (size, recordings) = (tables.samples * dimensions, tables.recordings());
-            let one = |(): &mut (), run: usize| {
-                let recording = run % recordings;
-                let length = tables.lengths[recording] as usize;
-                let rows = &signals[(first * recordings + run) * size..][..length * dimensions];
-                consume(own[run / recordings], recording, Tracks { rows, dimensions, fell_at: None });
-            };
-            pool::for_each(count * recordings, self.threads, || (), one);
-            if let Some(signals) = Arc::into_inner(signals) {
-                locked(&self.spare).push(signals);
+            let mut rest = own.as_slice();
+            while !rest.is_empty() {
+                let chosen: Vec<&Job> = rest.iter().take(MAX_TOGETHER).map(|&job| &jobs[job]).collect();
+                let request = self.request(walker, (tables, courses), &structure, &chosen)?;
+                let Done { signals, first, count } = self.answer(subject, &request, cancel)?;
+                let one = |(): &mut (), run: usize| {
+                    let recording = run % recordings;
+                    let length = tables.lengths[recording] as usize;
+                    let from = (first * recordings + run) * size;
+                    let rows = &signals[from..from + length * subject.dimensions()];
+                    let dimensions = subject.dimensions();
+                    consume(rest[run / recordings], recording, Tracks { rows, dimensions, fell_at: None });
+                };
+                pool::for_each(count * recordings, self.threads, || (), one);
+                let mut spare = locked(&self.spare);
+                spare.extend(Arc::into_inner(signals));
+                spare.truncate(MAX_SPARE);
+                rest = &rest[count..];
             }
-            left = own[count..].iter().chain(&others).copied().collect();
         }
-        Ok(())
+        few.sort_unstable();
+        Ok(few)
     }
 
     /// What the GPU needs of these jobs, which share a structure.
@@ -153,7 +146,12 @@ impl Predictions {
     }
 
     /// The signals of some of the request's candidates, at least of one: with those of other threads' requests, if there are.
-    fn answer(&self, subject: Subject<'_>, request: &Arc<Request>) -> Result<Done, FitError> {
+    fn answer(
+        &self,
+        subject: Subject<'_>,
+        request: &Arc<Request>,
+        cancel: &Cancel<'_>,
+    ) -> Result<Done, FitError> {
         locked(&self.waiting).push(Arc::clone(request));
         let mut candidates = locked(&self.candidates);
         // Another thread may have done it meanwhile.
@@ -161,6 +159,9 @@ impl Predictions {
             return Ok(done);
         }
         let together = self.together(request);
+        if cancel() {
+            return Err(FitError::Cancelled);
+        }
         let wanted = together.iter().map(|one| one.jobs.len()).sum();
         let numbers = Numbers::joined(together.iter().map(|one| &one.numbers));
         let mut signals = locked(&self.spare).pop().unwrap_or_default();
@@ -170,8 +171,8 @@ impl Predictions {
                 candidates.insert(Candidates::new(&self.device, Arc::clone(&request.tables), self.threads)?)
             }
         };
-        candidates.set_tables(&request.tables)?;
-        let done = candidates.predict(subject, &request.jobs[0], numbers, wanted, &mut signals)?;
+        let example = &request.jobs[0];
+        let done = candidates.predict(subject, &request.tables, example, (numbers, wanted), &mut signals)?;
         let (signals, mut first) = (Arc::new(signals), 0);
         for one in &together {
             let count = one.jobs.len().min(done.saturating_sub(first));
@@ -181,11 +182,11 @@ impl Predictions {
             first += one.jobs.len();
         }
         drop(signals);
-        request.take().ok_or(FitError::Cancelled)
+        request.take().ok_or(FitError::Length { what: "a request", expected: 1, found: 0 })
     }
 
-    /// Takes `request` and what can run with it from those that wait; `request` is the first. Those whose candidates there is no
-    /// room for, or that another failure left, run when their own threads' turns come.
+    /// Takes `request` and the waiting requests that can run with it; `request` comes first. A request that does not fit, or whose
+    /// batch fails, runs when its own thread gets the GPU.
     fn together(&self, request: &Arc<Request>) -> Vec<Arc<Request>> {
         let mut waiting = locked(&self.waiting);
         let (mut together, mut count) = (vec![Arc::clone(request)], request.jobs.len());

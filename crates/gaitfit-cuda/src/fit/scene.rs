@@ -46,6 +46,21 @@ impl Structure {
     }
 }
 
+/// The numbers of the candidates of each structure.
+pub(super) fn by_structure<'a>(
+    candidates: impl Iterator<Item = &'a Candidate>,
+) -> Vec<(Structure, Vec<usize>)> {
+    let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
+    for (number, candidate) in candidates.enumerate() {
+        let structure = Structure::new(candidate);
+        match groups.iter_mut().find(|(of, _)| *of == structure) {
+            Some((_, own)) => own.push(number),
+            None => groups.push((structure, vec![number])),
+        }
+    }
+    groups
+}
+
 impl Subject<'_> {
     /// The robot.
     pub fn model(&self) -> &Model {

@@ -29,6 +29,8 @@ pub(super) struct Session {
     pub physics: Physics,
     /// Candidates that were asked for; more than there is room for where they do not fit.
     pub asked: usize,
+    /// The recordings.
+    pub tables: Arc<Tables>,
     batch: Batch,
     plan: Plan,
     storages: Vec<Option<Storage>>,
@@ -88,16 +90,17 @@ impl Session {
         stream: &Stream,
         subject: Subject<'_>,
         physics: Physics,
-        tables: &Tables,
+        tables: Arc<Tables>,
         measured: Option<&Measured>,
         asked: usize,
     ) -> Result<Self, FitError> {
-        let candidates = physics.capacity(device, subject, tables, asked)?;
+        let candidates = physics.capacity(device, subject, &tables, asked)?;
         let recordings = tables.recordings();
         let processors = usize::try_from(device.info().processors).unwrap_or(1).max(1);
         let environments = candidates * recordings;
         let batch = Batch::new(device, &physics.period, environments, candidates)?;
-        // One wave of blocks, if it can be.
+        // One wave of blocks, if it can be. A prediction's step has little to compute: there neighbouring threads shall read
+        // neighbouring robots.
         let rows = match subject {
             Subject::Predict(_) => MAX_ROWS,
             _ => environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS),
@@ -108,10 +111,10 @@ impl Session {
         let sizes =
             |rows: usize| Sizes { candidates, recordings, samples, tiles, rows, group: group.min(rows) };
         let scene = Scene::new(subject, &physics.period);
-        let plan = Plan::new(&scene, tables, sizes(rows));
+        let plan = Plan::new(&scene, &tables, sizes(rows));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
         let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
-        let plan = if too_wide(&plan) { Plan::new(&scene, tables, sizes(4)) } else { plan };
+        let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(4)) } else { plan };
         if too_wide(&plan) {
             return Err(FitError::TooWide { needed: plan.shared(), rows: 4, available });
         }
@@ -141,14 +144,32 @@ impl Session {
             Comparison::with(device, sizes, &measured.sorted, &measured.samples)
         };
         let comparison = measured.map(compare).transpose()?;
-        let mut session =
-            Self { physics: physics.clone(), asked, batch, plan, storages, kernels, comparison, graph: None };
-        session.write_tables(stream, tables)?;
+        let mut session = Self {
+            physics: physics.clone(),
+            asked,
+            tables,
+            batch,
+            plan,
+            storages,
+            kernels,
+            comparison,
+            graph: None,
+        };
+        session.write_tables(stream)?;
         Ok(session)
     }
 
     /// Puts tables of the same sizes in the place of its own.
-    pub fn write_tables(&mut self, stream: &Stream, tables: &Tables) -> Result<(), CudaError> {
+    pub fn take_tables(&mut self, stream: &Stream, tables: &Arc<Tables>) -> Result<(), CudaError> {
+        if Arc::ptr_eq(&self.tables, tables) {
+            return Ok(());
+        }
+        self.tables = Arc::clone(tables);
+        self.write_tables(stream)
+    }
+
+    fn write_tables(&mut self, stream: &Stream) -> Result<(), CudaError> {
+        let tables = Arc::clone(&self.tables);
         self.write(stream, "lengths", &tables.lengths)?;
         for (name, numbers) in &tables.singles {
             self.write(stream, name, numbers)?;

@@ -98,7 +98,7 @@ impl Tables {
         })
     }
 
-    /// Of robots that are put right by what the logs' sensors read, `courses`. Not empty.
+    /// Tables for short predictions. `courses` holds what the logs' sensors read; it must not be empty.
     pub fn predict(walker: &Walker, courses: &[Course]) -> Self {
         let leg_joints = leg_joints(&Feet::new(walker));
         let samples = courses.iter().map(Course::samples).max().unwrap_or(0);

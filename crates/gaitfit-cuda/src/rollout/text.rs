@@ -227,6 +227,9 @@ fn doubles(numbers: &[f64]) -> String {
     braces(numbers, |&x| double(x))
 }
 
+/// The frame of a `Link` that has none, as C text.
+const NO_FRAME: &str = "0, {}, {}";
+
 /// The way from the base to body `to`, as `Link`s.
 fn links(model: &Model, to: usize) -> Vec<String> {
     let mut bodies: Vec<usize> = std::iter::successors(Some(to), |&body| model.bodies[body].parent).collect();
@@ -243,7 +246,7 @@ fn links(model: &Model, to: usize) -> Vec<String> {
             let (anchor, axis) = (doubles(&joint.pos), doubles(&joint.axis));
             links.push(format!("{{{frame}, {number}, {slides}, {anchor}, {axis}}}"));
             // Further joints of the body act in the frame that the first one turned.
-            frame = "0, {}, {}".to_owned();
+            frame = NO_FRAME.to_owned();
         }
         if links.len() == count {
             links.push(format!("{{{frame}, -1, 0, {{}}, {{}}}}"));

@@ -162,7 +162,7 @@ impl World for Robots<'_> {
         let recorded: Vec<_> = recorded.into_iter().map(|set| Mutex::new(Some(set))).collect();
         let sets = pool::map(recorded.len(), setup.fit.simulator.threads(), |set| {
             let set = recorded[set].lock().unwrap_or_else(PoisonError::into_inner).take();
-            replicas.replicate(setup, cost, set.unwrap_or_default())
+            replicas.replicate(setup, cost, set.ok_or("a set of logs was prepared twice")?)
         });
         sets.iter().for_each(|_| self.notify());
         sets.into_iter().collect()

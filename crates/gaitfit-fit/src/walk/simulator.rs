@@ -173,10 +173,11 @@ impl Simulator for WalkSimulator {
             }
             _ => pass(places[job], course, track),
         };
-        if !self.walking.predictions.predict(&self.walking, &self.readings, &jobs, &to, cancel)? {
-            predict::predict(walker, &self.readings.courses, &jobs, threads, &to, cancel)
-                .map_err(SimulatorError::failed)?;
-        }
+        let left = self.walking.predictions.predict(&self.walking, &self.readings, &jobs, &to, cancel)?;
+        let rest: Vec<predict::Job> = left.iter().map(|&job| jobs[job].clone()).collect();
+        let to = |job: usize, course: usize, track: &Track| to(left[job], course, track);
+        predict::predict(walker, &self.readings.courses, &rest, threads, &to, cancel)
+            .map_err(SimulatorError::failed)?;
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 }

@@ -116,6 +116,9 @@ pub fn answers<W: World + ?Sized>(
         Ok(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
-    let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
+    let candidates = 2 * problem.theta.len() + 1;
+    let threads = logs
+        .first()
+        .map_or(1, |logs| Problem::parallel(logs.cost.as_ref(), candidates, logs.simulator.threads()));
     pool::map(logs.len(), threads, |set| answer(&logs[set])).into_iter().collect()
 }

@@ -140,6 +140,13 @@ impl Problem<'_> {
         columns.map(Some).ok_or(FitError::Incomplete)
     }
 
+    /// Number of threads that may each take derivatives by `candidates` candidates, as far as memory allows.
+    pub(in crate::fit) fn parallel(cost: &dyn Cost, candidates: usize, threads: usize) -> usize {
+        let numbers = cost.differences().map_or(1, |differences| differences.count());
+        let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
+        (MEMORY / needed.max(1)).clamp(1, threads.max(1))
+    }
+
     /// Refuses more candidates than memory has room for.
     pub(super) fn check(&self, numbers: usize, candidates: usize) -> Result<(), FitError> {
         let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());

@@ -9,7 +9,7 @@
 #define LEG_NUMBERS (6 + 3 * LEG_JOINTS)
 #define FEET_OF_BLOCK (ROWS * (LEGS > 0 ? LEGS : 1))
 
-DEVICE void turned(const double q[4], const double v[3], double out[3]) {
+DEVICE void rotate(const double q[4], const double v[3], double out[3]) {
     double t[3], w[3];
     for (int k = 0; k < 3; k++) {
         int a = (k + 1) % 3, b = (k + 2) % 3;
@@ -23,7 +23,7 @@ DEVICE void turned(const double q[4], const double v[3], double out[3]) {
 }
 
 // A point's velocity: its own in the body's frame `moving`, and what the body's rates move it at place `at`.
-DEVICE void carried(const double moving[3], const double rates[3], const double at[3], double out[3]) {
+DEVICE void point_velocity(const double moving[3], const double rates[3], const double at[3], double out[3]) {
     for (int k = 0; k < 3; k++) {
         int a = (k + 1) % 3, b = (k + 2) % 3;
         out[k] = moving[k] + (rates[a] * at[b] - rates[b] * at[a]);
@@ -39,7 +39,7 @@ DEVICE double load_of(const float* report, u32 e, int foot) {
 
 // What foot `foot` asks of the base: velocity (m/s, world frame) and height (m), by its share of the load. Zeros if too
 // little load rests on the feet. `read`: what the sensors read, `leg`: the feet there.
-DEVICE void asked(
+DEVICE void foot_correction(
     const float* state, const float* params, const float* memory, const float* report, const float* imu, const float* read,
     const float* leg, u32 e, int foot, double asks[4]
 ) {
@@ -64,13 +64,13 @@ DEVICE void asked(
     double simulated[4], logged[4], rates[3], logged_rates[3], body[3], before[3], after[3];
     for (int k = 0; k < 4; k++) simulated[k] = base.quaternion[k], logged[k] = true_number(imu, 1, read, QUATERNION + k);
     for (int k = 0; k < 3; k++) rates[k] = base.angular[k], logged_rates[k] = true_number(imu, 1, read, ANGULAR + k);
-    carried(moving, rates, there, body);
-    turned(simulated, body, before);
-    carried(velocity, logged_rates, at, body);
-    turned(logged, body, after);
+    point_velocity(moving, rates, there, body);
+    rotate(simulated, body, before);
+    point_velocity(velocity, logged_rates, at, body);
+    rotate(logged, body, after);
     for (int k = 0; k < 3; k++) asks[k] = share * (before[k] - after[k]);
-    turned(simulated, there, before);
-    turned(logged, at, after);
+    rotate(simulated, there, before);
+    rotate(logged, at, after);
     asks[3] = share * (before[2] - after[2]);
 }
 
@@ -90,7 +90,7 @@ KERNEL predict(
     __shared__ u64 row[ROWS];
     __shared__ bool corrects[ROWS];
     __shared__ double asks[FEET_OF_BLOCK][4];
-    // What the state's numbers become: the base's position, and its velocities but for what is known of the readings.
+    // New position of the base, its new linear velocity, and what is subtracted from the gyro's angular velocity.
     __shared__ float place[ROWS][3], linear[ROWS][3], angular_change[ROWS][3];
     u32 from = blockIdx.x * ROWS;
     int rows = places - from < ROWS ? (int)(places - from) : ROWS;
@@ -127,7 +127,7 @@ KERNEL predict(
         int r = i % ROWS, foot = i / ROWS;
         if (r >= rows || !corrects[r]) continue;
         const float* imu = imus + (u64)candidate[r] * IMU_NUMBERS;
-        asked(
+        foot_correction(
             state, params, memory, report, imu, readings + row[r] * LOGGED,
             legs + (row[r] * LEGS + foot) * LEG_NUMBERS, from + r, foot, asks[i]);
     }

@@ -81,12 +81,13 @@ DEVICE float sum_of(const float terms[][THREADS], u32 lane) {
     return paid;
 }
 
-// What the threads of `part` keep of a step: the sums of their reward terms if it is not broken, and feet and actions.
+// Writes what `part` is responsible for: its sums of reward terms unless the step is broken; part 1 also the last action, part 2
+// the feet.
 DEVICE void keep_step(
     const Moment& m, const float terms[][THREADS], u32 part, u32 lane, bool broken, float* last_action, float* feet, double* tally
 ) {
     u32 e = m.e;
-    // All sums are read before one is written.
+    // All sums are read first, so that the loads overlap.
     double sums[REWARDS / FINISH_PARTS + 1];
     for (int k = 0; k < REWARDS; k++)
         if (k % FINISH_PARTS == part) sums[k / FINISH_PARTS] = TALLY(1 + k);
@@ -110,7 +111,7 @@ DEVICE bool finish_step(
     u32 e = m.e, number = control[FIRST_STEP] + step;
     u64 row = (u64)step * ENVIRONMENTS + e;
     float paid = sum_of(terms, lane);
-    // What is added to is read before the first number is written.
+    // What is added to is read before the first number is written, so that the loads overlap.
     float sum = returns[e], length = returns[ENVIRONMENTS + e] + 1.0f;
     double total_paid = TALLY(0), velocity_error = TALLY(VELOCITY_ERROR), yaw_error = TALLY(YAW_ERROR);
     bool over = age >= EPISODE_STEPS_MAX;
@@ -191,6 +192,8 @@ DEVICE bool finish_step(
     return begins;
 }
 
+// Before the first barrier nothing global is written. Between the two, each part writes arrays of its own. Part 0 alone goes on
+// after the second.
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,

@@ -1,7 +1,7 @@
 // What the tables of a task and its robot hold.
 
-// Constant memory serves the threads of a warp one place after the other: a TABLE is for places that they share, a LOOKUP for
-// places of their own.
+// Constant memory serves one address of a warp at a time. A TABLE is for rows that all threads read together; a LOOKUP for rows
+// that each thread chooses.
 #ifndef GAITFIT_HOST
 #define TABLE __constant__
 #define LOOKUP __device__ const
