@@ -9,6 +9,7 @@ use std::sync::Mutex;
 use candidates::{apart, asset, files_of, of, tiled};
 use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::fit::{Numbers, Plan, Readings, Scene, Sizes, Subject, Tables};
+use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{self, Script, Track, follow};
@@ -182,4 +183,19 @@ fn cxx_predictions_of_fitted_robots_are_the_cpus() {
         job
     };
     compare("fitted", &task, &courses, &[fitted(0.1, 1), fitted(0.2, 2)], 8);
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_predictions() {
+    let (task, policy) = walking(true);
+    let courses = courses(&task, &policy, &[12]);
+    let mut candidate = job(0.1, 1, 0.5, 0).candidate;
+    candidate.robot.velocity_lag = 0.002;
+    candidate.torque_noise = 1.0;
+    let subject = Subject::Predict(&task.walker);
+    let period = subject.period(&candidate).unwrap();
+    let sizes = Sizes { candidates: 32, recordings: 1, samples: 12, tiles: 4, rows: 16, group: 4 };
+    let plan = Plan::new(&Scene::new(subject, &period), &Tables::predict(&task.walker, &courses), sizes);
+    compile(Nvrtc::get().unwrap(), &plan.program, (9, 0), None).unwrap();
 }
