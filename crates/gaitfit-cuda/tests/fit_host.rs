@@ -190,14 +190,14 @@ fn compare_from(
         group,
     };
     let plan = Plan::new(&scene, &tables, sizes);
-    let mut numbers = Numbers::new(subject, jobs, jobs.len(), tables.starts, 1).unwrap();
+    let mut numbers = Numbers::new(subject, jobs, tables.starts, 1).unwrap();
     if let Some(before) = before {
         let begin = |(script, &before): (&Script, &usize)| Begin {
             earlier: before as u32,
             start: script.start.clone(),
         };
         let begins: Vec<Begin> = scripts.iter().zip(before).map(begin).collect();
-        numbers = numbers.beginning(&[&begins]);
+        numbers = numbers.beginning(&vec![begins.as_slice(); jobs.len()]);
     }
     let wanted = tracks(task, policy, &scripts, jobs);
     let own = |job: usize| &wanted[job * scripts.len()..(job + 1) * scripts.len()];

@@ -89,12 +89,11 @@ fn compare(label: &str, task: &Task, courses: &[Course], jobs: &[Job], rows: usi
     let followed: Vec<follow::Job> = jobs.iter().map(followed).collect();
     let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
     let readings = Readings { walker, courses, trust: &trust };
-    let numbers =
-        Numbers::new(subject, &followed, jobs.len(), 1, 1).unwrap().predicting(&followed, &readings, 2);
+    let numbers = Numbers::new(subject, &followed, 1, 1).unwrap().predicting(&followed, &readings, 2);
     let wanted = tracks(walker, courses, jobs);
     let motion: Vec<Vec<Vec<Stepped>>> =
         jobs.iter().map(|job| robots(walker, courses, job).unwrap()).collect();
-    let state = |e: usize, sample: usize| &motion[e / recordings][sample][e % recordings];
+    let stepped = |e: usize, sample: usize| &motion[e / recordings][sample][e % recordings];
 
     let mut files = files_of(&tables, &numbers);
     files.insert("trust".to_owned(), bytes(&numbers.trust, f64::to_ne_bytes));
@@ -108,7 +107,7 @@ fn compare(label: &str, task: &Task, courses: &[Course], jobs: &[Job], rows: usi
             break;
         }
         let mut moved = |name: &str, class: Class, of: fn(&RobotState) -> Vec<f32>| {
-            let all: Vec<Vec<f32>> = (0..environments).map(|e| of(&state(e, sample)[1])).collect();
+            let all: Vec<Vec<f32>> = (0..environments).map(|e| of(&stepped(e, sample)[1])).collect();
             let numbers = bytes(&tiled(&period, class, tiles, &all), f32::to_ne_bytes);
             files.insert(format!("{name}.moved{sample}"), numbers);
             statements.push_str(&take(&plan.arrays, name, &format!("moved{sample}")));
@@ -135,10 +134,10 @@ fn compare(label: &str, task: &Task, courses: &[Course], jobs: &[Job], rows: usi
             if sample + 1 == samples {
                 continue;
             }
-            let before = &state(e, sample)[0];
+            let before = &stepped(e, sample)[0];
             let kept = |name: &str, class| of(&period, class, &read(&format!("{name}.at{sample}")), e);
-            let own = kept("robot_state", Class::State);
-            assert_eq!(apart(&own, &before.state), 0.0, "{label}: state of {e} at {sample}");
+            let state = kept("robot_state", Class::State);
+            assert_eq!(apart(&state, &before.state), 0.0, "{label}: state of {e} at {sample}");
             let joints = walker.default_pose.len();
             let sent = &courses[e % recordings].targets;
             for (tap, targets) in kept("robot_targets", Class::Targets).chunks_exact(joints).enumerate() {
@@ -183,6 +182,32 @@ fn cxx_predictions_of_fitted_robots_are_the_cpus() {
         job
     };
     compare("fitted", &task, &courses, &[fitted(0.1, 1), fitted(0.2, 2)], 8);
+}
+
+/// A session repeats the numbers of what it is asked for until its room is full.
+#[test]
+fn numbers_are_joined_and_repeated() {
+    let (task, policy) = walking(false);
+    let courses = courses(&task, &policy, &[4, 3]);
+    let walker = &task.walker;
+    let numbers = |frictions: &[f64]| {
+        let jobs: Vec<follow::Job> = frictions
+            .iter()
+            .map(|&friction| follow::Job {
+                candidate: job(friction, 1, 0.5, 0).candidate,
+                reset_every: Some(1),
+                seed: (friction * 100.0) as u64,
+            })
+            .collect();
+        let trust = frictions.to_vec();
+        let readings = Readings { walker, courses: &courses, trust: &trust };
+        let numbers = Numbers::new(Subject::Predict(walker), &jobs, 1, 1).unwrap();
+        numbers.predicting(&jobs, &readings, 1)
+    };
+    let joined = Numbers::joined([numbers(&[0.1, 0.2]), numbers(&[0.3])].iter());
+    assert_eq!(joined, numbers(&[0.1, 0.2, 0.3]));
+    assert_eq!(joined.clone().repeated(3, 5), numbers(&[0.1, 0.2, 0.3, 0.1, 0.2]));
+    assert_eq!(joined.repeated(3, 2), numbers(&[0.1, 0.2]));
 }
 
 #[test]

@@ -50,7 +50,7 @@ fn cxx_replays_are_the_cpus() {
     let tiles = 6usize.div_ceil(period.layout().environments());
     let sizes = Sizes { candidates: 3, recordings: 2, samples: tables.samples, tiles, rows: 4, group: 4 };
     let plan = Plan::new(&scene, &tables, sizes);
-    let numbers = Numbers::new(subject, &jobs, 3, 1, 1).unwrap();
+    let numbers = Numbers::new(subject, &jobs, 1, 1).unwrap();
     let robots: Vec<_> = jobs.iter().map(|job| job.candidate.robot.clone()).collect();
     let tracks = Mutex::new(vec![JointSignals::default(); 6]);
     let consume = |candidate: usize, recording: usize, signals: &JointSignals| {

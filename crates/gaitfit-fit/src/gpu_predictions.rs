@@ -1,35 +1,43 @@
 //! Short predictions, made on a GPU.
 
 #[cfg(feature = "cuda")]
-pub use with_cuda::{GpuPredictions, Readings};
+pub use with_cuda::GpuPredictions;
 
 /// A build without the feature `cuda` has no GPUs.
 #[cfg(not(feature = "cuda"))]
-pub use without_cuda::{GpuPredictions, Readings};
+pub use without_cuda::GpuPredictions;
+
+use gaitfit_policy::predict::Course;
+
+/// What the sensors of some logs read.
+pub struct Readings {
+    /// One for each log; the list ends before the first log that lacks the readings of an IMU.
+    pub courses: Vec<Course>,
+    /// The same as a GPU takes it, once it was asked for.
+    #[cfg(feature = "cuda")]
+    tables: std::sync::OnceLock<std::sync::Arc<gaitfit_cuda::fit::Tables>>,
+}
+
+impl Readings {
+    /// The readings `courses`.
+    pub fn new(courses: Vec<Course>) -> Self {
+        Self {
+            courses,
+            #[cfg(feature = "cuda")]
+            tables: std::sync::OnceLock::new(),
+        }
+    }
+}
 
 #[cfg(feature = "cuda")]
 mod with_cuda {
+    use super::Readings;
     use crate::walk::walking::Walking;
     use gaitfit_adapt::SimulatorError;
     use gaitfit_cuda::fit::{FitError, Predictions, Tables, Tracks};
     use gaitfit_policy::follow::Track;
-    use gaitfit_policy::predict::{Course, Job};
+    use gaitfit_policy::predict::Job;
     use std::sync::{Arc, OnceLock};
-
-    /// What the sensors of some logs read.
-    pub struct Readings {
-        /// One for each log; empty if a log lacks the readings of an IMU.
-        pub courses: Vec<Course>,
-        /// The same for a GPU.
-        tables: OnceLock<Arc<Tables>>,
-    }
-
-    impl Readings {
-        /// Of some logs.
-        pub fn new(courses: Vec<Course>) -> Self {
-            Self { courses, tables: OnceLock::new() }
-        }
-    }
 
     /// Predicts the logs of all simulators of a walking robot, on the first GPU of a fit.
     #[derive(Default)]
@@ -76,33 +84,21 @@ mod with_cuda {
 
 #[cfg(not(feature = "cuda"))]
 mod without_cuda {
+    use super::Readings;
     use crate::walk::walking::Walking;
     use gaitfit_adapt::SimulatorError;
     use gaitfit_policy::follow::Track;
-    use gaitfit_policy::predict::{Course, Job};
-
-    /// What the sensors of some logs read.
-    pub struct Readings {
-        /// One for each log; empty if a log lacks the readings of an IMU.
-        pub courses: Vec<Course>,
-    }
-
-    impl Readings {
-        /// Of some logs.
-        pub fn new(courses: Vec<Course>) -> Self {
-            Self { courses }
-        }
-    }
+    use gaitfit_policy::predict::Job;
 
     /// It predicts nothing.
     #[derive(Default)]
     pub struct GpuPredictions;
 
     impl GpuPredictions {
-        /// Leaves all jobs.
+        /// Returns all jobs.
         ///
         /// # Errors
-        /// None.
+        /// Never.
         pub fn predict(
             &self,
             _: &Walking,

@@ -266,7 +266,7 @@ impl<'a> Fit<'a> {
         if active.is_empty() {
             return Ok(None);
         }
-        let stepped = self.own_steps(&active, cancel)?;
+        let stepped = self.least_squares_steps(&active, cancel)?;
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
         for &index in &active {
@@ -305,15 +305,16 @@ impl<'a> Fit<'a> {
         Ok(Some(Generation { generation, evaluations, runs: reports }))
     }
 
-    /// The steps of those of the runs `active` that find their own candidates: each run's number, the run after its step, and
-    /// what it did. The runs take their steps beside each other, on copies: if one is cancelled, none has moved.
+    /// Takes one step of every run of least squares among `active`. Returns each run's number, the run after the step, and its
+    /// report with the number of evaluations. The steps run in parallel and on copies: if one is cancelled, no run has moved.
     #[allow(clippy::type_complexity, reason = "a list of three")]
-    fn own_steps(
+    fn least_squares_steps(
         &self,
         active: &[usize],
         cancel: &Cancel<'_>,
     ) -> Result<Vec<(usize, Run, (RunGeneration, usize))>, FitError> {
-        let own: Vec<usize> = active.iter().copied().filter(|&run| self.runs[run].finds_its_own()).collect();
+        let numbers: Vec<usize> =
+            active.iter().copied().filter(|&run| self.runs[run].is_least_squares()).collect();
         let (theta, costs, options, runs) = (self.theta, self.costs, &self.options, &self.runs);
         let step = |simulator: &dyn Simulator, index: usize| {
             let mut moved = runs[index].clone();
@@ -328,10 +329,10 @@ impl<'a> Fit<'a> {
                     let cost = costs[runs[run].cost].as_ref();
                     Problem::parallel(cost, 2 * theta.len() + 1, shared.threads())
                 };
-                let threads = own.iter().map(parallel).min().unwrap_or(1);
-                pool::map(own.len(), threads, |number| step(shared, own[number]))
+                let threads = numbers.iter().map(parallel).min().unwrap_or(1);
+                pool::map(numbers.len(), threads, |at| step(shared, numbers[at]))
             }
-            None => own.iter().map(|&index| step(self.simulator, index)).collect(),
+            None => numbers.iter().map(|&index| step(self.simulator, index)).collect(),
         };
         steps.into_iter().filter_map(Result::transpose).collect()
     }

@@ -96,8 +96,8 @@ impl Run {
         Some(candidates)
     }
 
-    /// Whether the run finds its own candidates, see [`Self::step`].
-    pub fn finds_its_own(&self) -> bool {
+    /// Whether the run is one of least squares: it takes steps ([`Self::step`]) and asks for no candidates.
+    pub fn is_least_squares(&self) -> bool {
         matches!(self.by, By::LeastSquares(_))
     }
 

@@ -228,11 +228,11 @@ impl Candidates {
                 self.tables = Arc::clone(tables);
                 // Logs of other sizes will hardly come again.
                 self.sessions.retain(|session| session.tables.has_sizes_of(tables));
-                match self.new_session(subject, &structure, example, room) {
+                match self.new_session(subject, example, room) {
                     // The memory of the others may be enough.
                     Err(_) if !self.sessions.is_empty() => {
                         self.sessions.clear();
-                        self.new_session(subject, &structure, example, room)?
+                        self.new_session(subject, example, room)?
                     }
                     session => session?,
                 }
@@ -243,7 +243,7 @@ impl Candidates {
             return Err(error.into());
         }
         let session = &mut self.sessions[session];
-        session.run(&self.stream, &numbers.repeated(wanted, session.capacity()))?;
+        session.run(&self.stream, numbers, wanted)?;
         let now = shown.min(session.capacity());
         session.read_signals(&self.stream, now, signals)?;
         Ok(now)
@@ -321,18 +321,13 @@ impl Candidates {
             // The memory of a smaller one is free for the larger.
             self.sessions.remove(there);
         }
-        self.new_session(subject, structure, example, wanted)
+        self.new_session(subject, example, wanted)
     }
 
     /// Makes a session for `wanted` candidates like `example`, or as many as fit; its number.
-    fn new_session(
-        &mut self,
-        subject: Subject<'_>,
-        structure: &Structure,
-        example: &Job,
-        wanted: usize,
-    ) -> Result<usize, FitError> {
-        let physics = match self.known.iter().find(|known| known.structure == *structure) {
+    fn new_session(&mut self, subject: Subject<'_>, example: &Job, wanted: usize) -> Result<usize, FitError> {
+        let structure = Structure::new(&example.candidate);
+        let physics = match self.known.iter().find(|known| known.structure == structure) {
             Some(known) => known.clone(),
             None => {
                 let physics = Physics::new(subject, &example.candidate)?;
@@ -357,13 +352,12 @@ impl Candidates {
     ) -> Result<(), FitError> {
         let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
         let session = &mut self.sessions[session];
-        let mut numbers =
-            Numbers::new(subject, &chosen, session.capacity(), self.tables.starts, self.threads)?;
+        let mut numbers = Numbers::new(subject, &chosen, self.tables.starts, self.threads)?;
         if let Some(begins) = begins {
             let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
             numbers = numbers.beginning(&begins);
         }
-        session.run(&self.stream, &numbers)
+        session.run(&self.stream, numbers, chosen.len())
     }
 
     /// Registers and bytes of local memory of each kernel of the sessions so far, and the bytes of the GPU's memory.

@@ -37,22 +37,15 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// Numbers of `jobs`, repeated until there are `count`. `starts`: number of starts of each recording.
+    /// Numbers of `jobs`. `starts`: number of starts of each recording.
     ///
     /// # Errors
     /// A candidate that is no robot, or whose delay is longer than the simulator's.
-    pub fn new(
-        subject: Subject<'_>,
-        jobs: &[Job],
-        count: usize,
-        starts: usize,
-        threads: usize,
-    ) -> Result<Self, FitError> {
+    pub fn new(subject: Subject<'_>, jobs: &[Job], starts: usize, threads: usize) -> Result<Self, FitError> {
         let robots = pool::map(jobs.len(), threads, |job| robot(subject, &jobs[job]));
         let robots = robots.into_iter().collect::<Result<Vec<_>, _>>()?;
         let mut numbers = Self::default();
-        for place in 0..if jobs.is_empty() { 0 } else { count } {
-            let (job, (params, weights)) = (&jobs[place % jobs.len()], &robots[place % jobs.len()]);
+        for (job, (params, weights)) in jobs.iter().zip(robots) {
             let robot = &job.candidate.robot;
             numbers.params.extend(params);
             numbers.factors.extend(robot.kp_scale.iter().chain(&robot.kd_scale).chain(&robot.encoder_bias));
@@ -62,7 +55,7 @@ impl Numbers {
             numbers.begins.push(start_number(job.seed, starts) as u32);
             numbers.deviation.push(job.candidate.torque_noise);
             numbers.imus.extend(Imu::numbers(job.candidate.sensors.imu().as_ref()));
-            numbers.weights.push(weights.clone());
+            numbers.weights.push(weights);
         }
         Ok(numbers)
     }
@@ -78,11 +71,10 @@ pub struct Begin {
 }
 
 impl Numbers {
-    /// The same numbers with these beginnings of the recordings: `begins[job][recording]`. They repeat as the jobs do.
+    /// The same numbers with these beginnings of the recordings: `begins[job][recording]`.
     #[must_use]
     pub fn beginning(mut self, begins: &[&[Begin]]) -> Self {
-        let candidates = self.begins.len();
-        let all = || (0..candidates).flat_map(|place| begins[place % begins.len()]);
+        let all = || begins.iter().copied().flatten();
         self.starts = all().flat_map(|begin| tables::numbers(&begin.start)).collect();
         self.begins = all().map(|begin| begin.earlier).collect();
         self
@@ -143,7 +135,7 @@ impl Numbers {
         all
     }
 
-    /// These numbers of `jobs` candidates, repeated or cut until there are `count`.
+    /// These numbers of `jobs` candidates, repeated or cut until there are `count`: a session computes all that it has room for.
     #[must_use]
     pub fn repeated(self, jobs: usize, count: usize) -> Self {
         fn repeat<T: Clone>(numbers: Vec<T>, jobs: usize, count: usize) -> Vec<T> {

@@ -139,8 +139,11 @@ impl Predictions {
         let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
         let jobs: Vec<follow::Job> = jobs.iter().map(followed).collect();
         let readings = Readings { walker, courses, trust: &trust };
-        let numbers = Numbers::new(Subject::Predict(walker), &jobs, jobs.len(), tables.starts, self.threads)?
-            .predicting(&jobs, &readings, self.threads);
+        let numbers = Numbers::new(Subject::Predict(walker), &jobs, tables.starts, self.threads)?.predicting(
+            &jobs,
+            &readings,
+            self.threads,
+        );
         let (tables, structure) = (Arc::clone(tables), structure.clone());
         Ok(Arc::new(Request { tables, structure, jobs, numbers, done: Mutex::default() }))
     }

@@ -208,8 +208,9 @@ impl Session {
         self.storage(name).map_or(Ok(()), |storage| storage.write(stream, numbers))
     }
 
-    /// Starts the simulation of these candidates on all recordings.
-    pub fn run(&mut self, stream: &Stream, numbers: &Numbers) -> Result<(), FitError> {
+    /// Starts the simulation of `candidates` candidates with these numbers on all recordings.
+    pub fn run(&mut self, stream: &Stream, numbers: Numbers, candidates: usize) -> Result<(), FitError> {
+        let numbers = numbers.repeated(candidates, self.capacity());
         self.write(stream, "numbers", &numbers.params)?;
         self.write(stream, "factors", &numbers.factors)?;
         self.write(stream, "every", &numbers.every)?;

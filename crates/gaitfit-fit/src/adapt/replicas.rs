@@ -20,7 +20,7 @@ use gaitfit_random::{Purpose, derive_seed};
 use gaitfit_sim::{Candidate, pool};
 use std::cell::Cell;
 use std::ops::ControlFlow;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// Least share of the logs that a simulated robot must walk without a fall.
 pub(super) const WALKED: f64 = 0.5;
@@ -105,13 +105,13 @@ impl Replicas {
     }
 
     /// The recording of a simulated robot, as the fit compares it.
-    fn replicate(&self, setup: &Setup, cost: usize, recorded: Vec<Recorded>) -> Result<Replicate, String> {
+    fn replicate(&self, setup: &Setup, cost: usize, recorded: &[Recorded]) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = setup;
         let margin = method.samples(config.fall_margin(), &fit.logs);
         let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
         let mut logs = Vec::with_capacity(recorded.len());
         for (log, recorded) in fit.logs.iter().zip(recorded) {
-            if let Some(trajectory) = recorded.before_fall(&log.trajectory, margin, min)? {
+            if let Some(trajectory) = recorded.clone().before_fall(&log.trajectory, margin, min)? {
                 logs.push(Log { trajectory, ..log.clone() });
             }
         }
@@ -159,10 +159,8 @@ impl World for Robots<'_> {
             return Err("interrupted".to_owned());
         }
         let (replicas, setup, cost) = (self.replicas, self.setup, self.cost);
-        let recorded: Vec<_> = recorded.into_iter().map(|set| Mutex::new(Some(set))).collect();
         let sets = pool::map(recorded.len(), setup.fit.simulator.threads(), |set| {
-            let set = recorded[set].lock().unwrap_or_else(PoisonError::into_inner).take();
-            replicas.replicate(setup, cost, set.ok_or("a set of logs was prepared twice")?)
+            replicas.replicate(setup, cost, &recorded[set])
         });
         sets.iter().for_each(|_| self.notify());
         sets.into_iter().collect()

@@ -87,7 +87,7 @@ impl Course {
 
     /// The state in which `candidate`, a robot of `walker`, begins: feet on the ground, the base still.
     pub fn first(&self, walker: &Walker, candidate: &Candidate) -> Start {
-        self.start(walker.model(), &Correction::of(candidate, FEET_TRUST))
+        self.start(walker.model(), &Correction::new(candidate, FEET_TRUST))
     }
 
     /// Orientation and angular velocity (rad/s, body frame) of the base at sample `sample`, without the errors of the
@@ -131,7 +131,7 @@ struct Correction<'a> {
 }
 
 impl<'a> Correction<'a> {
-    fn of(candidate: &'a Candidate, feet_trust: f64) -> Self {
+    fn new(candidate: &'a Candidate, feet_trust: f64) -> Self {
         Self { bias: &candidate.robot.encoder_bias, imu: candidate.sensors.imu(), feet_trust }
     }
 
@@ -257,7 +257,7 @@ impl Worker {
     ) -> Result<bool, WalkerError> {
         let (batch, count) = (&walker.batch, courses.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
-        let correction = Correction::of(&job.candidate, job.feet_trust);
+        let correction = Correction::new(&job.candidate, job.feet_trust);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);

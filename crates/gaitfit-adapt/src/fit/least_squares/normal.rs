@@ -179,7 +179,7 @@ impl Normal {
         self.slope += &other.slope;
     }
 
-    /// Of all samples, on `threads` threads.
+    /// The equations of all samples, computed on `threads` threads.
     pub fn whole(jacobian: &Jacobian, residuals: &Residuals, loss: Loss, threads: usize) -> Self {
         let of_recording = |recording: usize| {
             let rows = residuals.recordings[recording].len() / jacobian.width.max(1);
