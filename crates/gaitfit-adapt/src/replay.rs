@@ -1,8 +1,6 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{
-    Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta,
-};
+use crate::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Candidate, Cpu, Direction, Engine, JointSignals, Recording, Replay, ReplayOptions};
@@ -124,10 +122,6 @@ impl Simulator for ReplaySimulator {
 
     fn threads(&self) -> usize {
         self.threads
-    }
-
-    fn shared(&self) -> Option<&SharedSimulator> {
-        Some(self)
     }
 
     fn simulate(

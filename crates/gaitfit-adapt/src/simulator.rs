@@ -144,11 +144,6 @@ pub trait Simulator {
         self.inner().map_or(1, |inner| inner.threads())
     }
 
-    /// This simulator, if several threads may simulate at once.
-    fn shared(&self) -> Option<&SharedSimulator> {
-        None
-    }
-
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
     /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` returns true, it returns

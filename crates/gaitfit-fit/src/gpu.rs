@@ -4,8 +4,7 @@ use crate::walk::simulator::WalkSimulator;
 use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
 use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
-    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, SharedSimulator, Signals, Simulator,
-    SimulatorError, Theta,
+    Cancel, Consume, Identity, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
 };
 use gaitfit_cuda::fit::{Compared, FitError as GpuError, Measured, MultiGpu, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
@@ -202,10 +201,6 @@ fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
 impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
     fn identity(&self) -> &Identity {
         self.host.identity()
-    }
-
-    fn shared(&self) -> Option<&SharedSimulator> {
-        Some(self)
     }
 
     fn simulate(

@@ -73,7 +73,9 @@ mod with_cuda {
     }
 
     fn track(joints: usize, tracks: &Tracks<'_>) -> Track {
-        let mut track = Track::default();
+        let numbers = tracks.rows.len() / 2;
+        let [position, velocity] = [(); 2].map(|()| Vec::with_capacity(numbers));
+        let mut track = Track { position, velocity, ..Track::default() };
         for row in tracks.rows.chunks_exact(tracks.dimensions) {
             track.position.extend_from_slice(&row[..joints]);
             track.velocity.extend_from_slice(&row[joints..]);

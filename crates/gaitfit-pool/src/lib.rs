@@ -1,16 +1,56 @@
 //! Work shared by threads in pieces: the one place where this workspace starts threads for computing.
+//!
+//! Work may share work of its own. The threads are then divided: if four of sixteen threads each share work again, each of them
+//! uses four threads.
 
+use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
 
+thread_local! {
+    /// Max number of threads that the present thread's work may use, itself among them.
+    static WIDTH: Cell<usize> = const { Cell::new(usize::MAX) };
+}
+
+/// Restores a thread's width when dropped.
+struct Width(usize);
+
+impl Width {
+    fn set(width: usize) -> Self {
+        Self(WIDTH.replace(width))
+    }
+}
+
+impl Drop for Width {
+    fn drop(&mut self) {
+        WIDTH.set(self.0);
+    }
+}
+
 /// Does every job once: one thread a worker, the calling thread among them, each taking the next job when it is free.
-/// Jobs are taken in order but finish in any order: `work` must not care. Without workers nothing is done.
+/// Jobs are taken in order but finish in any order: `work` must not care. Without workers nothing is done. Where the calling thread
+/// is itself one of several, some workers may get no job.
 pub fn share<W: Send, J: Send>(
     workers: &mut [W],
     jobs: impl Iterator<Item = J> + Send,
     work: impl Fn(&mut W, J) + Sync,
 ) {
+    let threads = workers.len();
+    share_on(threads, workers, jobs, work);
+}
+
+/// As [`share`]; with more `threads` than workers, the work of each worker may use several of them.
+fn share_on<W: Send, J: Send>(
+    threads: usize,
+    workers: &mut [W],
+    jobs: impl Iterator<Item = J> + Send,
+    work: impl Fn(&mut W, J) + Sync,
+) {
+    let threads = threads.min(WIDTH.get());
+    let used = workers.len().min(threads.max(1));
+    let width = threads.div_ceil(used.max(1));
     let queue = Mutex::new(jobs);
     let run = |worker: &mut W| {
+        let _restored = Width::set(width);
         loop {
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
             match job {
@@ -19,7 +59,7 @@ pub fn share<W: Send, J: Send>(
             }
         }
     };
-    let Some((first, others)) = workers.split_first_mut() else { return };
+    let Some((first, others)) = workers[..used].split_first_mut() else { return };
     std::thread::scope(|scope| {
         for worker in others {
             scope.spawn(|| run(worker));
@@ -37,20 +77,32 @@ pub fn for_each<S: Send>(
     work: impl Fn(&mut S, usize) + Sync,
 ) {
     let mut workers: Vec<Option<S>> = (0..threads.clamp(1, pieces.max(1))).map(|_| None).collect();
-    share(&mut workers, 0..pieces, |own, piece| work(own.get_or_insert_with(&scratch), piece));
+    share_on(threads, &mut workers, 0..pieces, |own, piece| work(own.get_or_insert_with(&scratch), piece));
 }
 
 /// What `work` makes of every piece below `pieces`, in their order, on `threads` threads.
 pub fn map<R: Send>(pieces: usize, threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
-    let mut results: Vec<Option<R>> = (0..pieces).map(|_| None).collect();
-    let mut workers = vec![(); threads.clamp(1, pieces.max(1))];
-    share(&mut workers, results.iter_mut().enumerate(), |(), (piece, slot)| *slot = Some(work(piece)));
+    map_each(0..pieces, (threads, threads), work)
+}
+
+/// What `work` makes of every one of `jobs`, in their order. `(at_once, threads)`: so many jobs at a time, which together use so many
+/// threads.
+pub fn map_each<J: Send, R: Send>(
+    jobs: impl ExactSizeIterator<Item = J> + Send,
+    (at_once, threads): (usize, usize),
+    work: impl Fn(J) -> R + Sync,
+) -> Vec<R> {
+    let mut results: Vec<Option<R>> = (0..jobs.len()).map(|_| None).collect();
+    let mut workers = vec![(); at_once.clamp(1, jobs.len().max(1))];
+    share_on(threads, &mut workers, results.iter_mut().zip(jobs), |(), (slot, job)| *slot = Some(work(job)));
     results.into_iter().flatten().collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     #[test]
     fn every_piece_is_done_once_and_in_its_place() {
@@ -68,7 +120,27 @@ mod tests {
                 );
                 let squares: Vec<usize> = (0..pieces).map(|piece| piece * piece).collect();
                 assert_eq!(map(pieces, threads, |piece| piece * piece), squares);
+                let owned: Vec<String> = squares.iter().map(usize::to_string).collect();
+                assert_eq!(map_each(owned.clone().into_iter(), (threads, threads), |text| text), owned);
             }
         }
+    }
+
+    #[test]
+    fn work_inside_work_divides_the_threads() {
+        let (now, max) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        // It lets four threads pass together: fewer would wait for ever.
+        let four = Barrier::new(4);
+        let leaf = |_: usize| {
+            max.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+            four.wait();
+            now.fetch_sub(1, Ordering::SeqCst);
+        };
+        for outer in [1, 2, 4] {
+            map(outer, 4, |_| map(8, 4, leaf).len());
+        }
+        map_each(0..4, (2, 4), |_| map(8, 4, leaf).len());
+        assert_eq!(max.load(Ordering::SeqCst), 4);
+        assert_eq!(WIDTH.get(), usize::MAX);
     }
 }

@@ -1,14 +1,13 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
-use super::least_squares::{MAX_ENTRIES, Problem};
+use super::least_squares::{self, MAX_ENTRIES, Problem};
 use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FallPenalty, FitError, Origin};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
 use crate::{Cancel, Resets, Simulator, Theta};
 use gaitfit_random::{Purpose, derive_seed};
-use gaitfit_sim::pool;
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
 
@@ -305,8 +304,9 @@ impl<'a> Fit<'a> {
         Ok(Some(Generation { generation, evaluations, runs: reports }))
     }
 
-    /// Takes one step of every run of least squares among `active`. Returns each run's number, the run after the step, and its
-    /// report with the number of evaluations. The steps run in parallel and on copies: if one is cancelled, no run has moved.
+    /// Takes one step of every run of least squares among `active`; as many as there is memory for are simulated together. Returns
+    /// each run's number, the run after the step, and its report with the number of evaluations. The steps run on copies: if one is
+    /// cancelled, no run has moved.
     #[allow(clippy::type_complexity, reason = "a list of three")]
     fn least_squares_steps(
         &self,
@@ -315,26 +315,29 @@ impl<'a> Fit<'a> {
     ) -> Result<Vec<(usize, Run, (RunGeneration, usize))>, FitError> {
         let numbers: Vec<usize> =
             active.iter().copied().filter(|&run| self.runs[run].is_least_squares()).collect();
-        let (theta, costs, options, runs) = (self.theta, self.costs, &self.options, &self.runs);
-        let step = |simulator: &dyn Simulator, index: usize| {
-            let mut moved = runs[index].clone();
-            let cost = costs[moved.cost].as_ref();
-            let draw = RandomNumbers::Run.draw(moved.seed, 0, 0);
-            let done = moved.step(&Problem { simulator, theta, cost, draw, cancel }, options)?;
-            Ok(done.map(|done| (index, moved, done)))
-        };
-        let steps: Vec<_> = match self.simulator.shared() {
-            Some(shared) => {
-                let parallel = |&run: &usize| {
-                    let cost = costs[runs[run].cost].as_ref();
-                    Problem::parallel(cost, 2 * theta.len() + 1, shared.threads())
-                };
-                let threads = numbers.iter().map(parallel).min().unwrap_or(1);
-                pool::map(numbers.len(), threads, |at| step(shared, numbers[at]))
+        let (theta, simulator, options) = (self.theta, self.simulator, &self.options);
+        let cost = |run: usize| self.costs[self.runs[run].cost].as_ref();
+        let at_once = |&run: &usize| Problem::at_once(cost(run), 2 * theta.len() + 1);
+        let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
+        let mut steps = Vec::with_capacity(numbers.len());
+        for together in numbers.chunks(at_once) {
+            let mut moved: Vec<Run> = together.iter().map(|&run| self.runs[run].clone()).collect();
+            let mut searches: Vec<_> = moved
+                .iter_mut()
+                .zip(together)
+                .filter_map(|(run, &number)| {
+                    let draw = RandomNumbers::Run.draw(run.seed, 0, 0);
+                    let problem = Problem { simulator, theta, cost: cost(number), draw, cancel };
+                    Some((run.least_squares()?, problem))
+                })
+                .collect();
+            let stepped = least_squares::step(&mut searches, options.generations, options.tolerance)?;
+            for ((mut run, stepped), &number) in moved.into_iter().zip(stepped).zip(together) {
+                let report = run.stepped(cost(number).name(), stepped)?;
+                steps.push((number, run, report));
             }
-            None => numbers.iter().map(|&index| step(self.simulator, index)).collect(),
-        };
-        steps.into_iter().filter_map(Result::transpose).collect()
+        }
+        Ok(steps)
     }
 
     /// Smallest value so far of each cost, in the order of the costs.

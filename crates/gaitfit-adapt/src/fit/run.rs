@@ -2,7 +2,7 @@
 
 use super::driver::{FitOptions, RunGeneration};
 use super::fall_risk::FallRisk;
-use super::least_squares::{GaussNewton, Problem};
+use super::least_squares::{GaussNewton, Stepped};
 use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{
@@ -101,24 +101,33 @@ impl Run {
         matches!(self.by, By::LeastSquares(_))
     }
 
-    /// One step of least squares, and the candidates it took; `None` of a run that asks for its candidates.
+    /// The search of a run of least squares.
+    pub fn least_squares(&mut self) -> Option<&mut GaussNewton> {
+        match &mut self.by {
+            By::LeastSquares(search) => Some(search),
+            By::CmaEs { .. } => None,
+        }
+    }
+
+    /// Takes what a step of its [`Self::least_squares`] gave. Returns the report, and the number of candidates that were simulated.
     ///
     /// # Errors
-    /// As [`GaussNewton::step`]; the run is then as it was before. [`FitError::StepDiverged`].
-    pub fn step(
+    /// [`FitError::StepDiverged`].
+    pub fn stepped(
         &mut self,
-        problem: &Problem<'_>,
-        options: &FitOptions,
-    ) -> Result<Option<(RunGeneration, usize)>, FitError> {
-        let By::LeastSquares(search) = &mut self.by else { return Ok(None) };
-        let (seed, name) = (self.seed, problem.cost.name());
-        let generation = search.generation() as usize + 1;
-        let diverged = || FitError::StepDiverged { cost: name.to_owned(), seed, generation };
-        let stepped = search.step(problem, options.generations, options.tolerance)?.ok_or_else(diverged)?;
-        let best = search.best().ok_or_else(diverged)?;
+        name: &str,
+        stepped: Option<Stepped>,
+    ) -> Result<(RunGeneration, usize), FitError> {
+        let (seed, generation) = (self.seed, self.done() as usize);
+        // A step that diverged was not counted.
+        let diverged = || FitError::StepDiverged { cost: name.to_owned(), seed, generation: generation + 1 };
+        let stepped = stepped.ok_or_else(diverged)?;
+        let best = self.best().cloned().ok_or_else(diverged)?;
         self.diverged += stepped.diverged;
         self.falls += stepped.falls;
-        self.stop = search.stop();
+        if let By::LeastSquares(search) = &self.by {
+            self.stop = search.stop();
+        }
         let report = RunGeneration {
             cost: name.to_owned(),
             seed,
@@ -129,10 +138,10 @@ impl Run {
             fallen: stepped.fallen,
             falls: stepped.falls,
             best_so_far: best.cost,
-            best_values: best.x.clone(),
+            best_values: best.x,
             stop: self.stop,
         };
-        Ok(Some((report, stepped.evaluations)))
+        Ok((report, stepped.evaluations))
     }
 
     /// Takes the costs of the candidates that [`Self::ask`] gave. Candidates that diverged are ranked last. `risk_price`: what a

@@ -1,6 +1,6 @@
 //! Candidates simulated on a GPU, as many at once as fit, and what their costs are made of.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use gaitfit_policy::follow::Job;
 use gaitfit_policy::walker::WalkerError;
@@ -66,8 +66,11 @@ pub struct Candidates {
     threads: usize,
     sessions: Vec<Session>,
     /// The physics of sessions that there were.
-    known: Vec<Physics>,
+    known: Known,
 }
+
+/// The physics of all structures so far. Candidates of one robot may share it.
+pub(super) type Known = Arc<Mutex<Vec<Physics>>>;
 
 impl Candidates {
     /// On `device`. `threads`: of the host, for what it prepares.
@@ -75,9 +78,19 @@ impl Candidates {
     /// # Errors
     /// A failure of the GPU.
     pub fn new(device: &Device, tables: impl Into<Arc<Tables>>, threads: usize) -> Result<Self, FitError> {
+        Self::sharing(device, tables.into(), threads, Known::default())
+    }
+
+    /// As [`Candidates::new`], with the physics that others of the same robot have.
+    pub(super) fn sharing(
+        device: &Device,
+        tables: Arc<Tables>,
+        threads: usize,
+        known: Known,
+    ) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
-        let (device, tables) = (device.clone(), tables.into());
-        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new(), known: Vec::new() })
+        let device = device.clone();
+        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new(), known })
     }
 
     /// The number of its GPU.
@@ -200,8 +213,27 @@ impl Candidates {
         self.walks(subject, jobs, Some(begins), shown(subject, &self.tables), consume, cancel)
     }
 
-    /// Runs predictions of the first of some candidates like `example` on the recordings of `tables`, as many as there is room for,
-    /// and returns how many. `numbers`: those of all candidates, and how many there are. `signals` gets what was predicted.
+    /// Whether a session is there for predictions of `wanted` candidates of this structure on the recordings of `tables`.
+    pub(super) fn predicts(
+        &self,
+        subject: Subject<'_>,
+        tables: &Tables,
+        (structure, wanted): (&Structure, usize),
+    ) -> bool {
+        self.predicting(tables, structure, room(wanted.min(shown(subject, tables)))).is_some()
+    }
+
+    /// Number of the session for predictions.
+    fn predicting(&self, tables: &Tables, structure: &Structure, room: usize) -> Option<usize> {
+        self.sessions.iter().position(|session| {
+            session.physics.structure == *structure
+                && session.asked == room
+                && session.tables.has_sizes_of(tables)
+        })
+    }
+
+    /// Predicts the recordings of `tables` by the first of some candidates like `example`, as many as there is room for. `numbers`:
+    /// those of all candidates, and how many there are. Returns the signals, and of how many candidates they are.
     ///
     /// # Errors
     /// As [`Candidates::parts`].
@@ -211,18 +243,11 @@ impl Candidates {
         tables: &Arc<Tables>,
         example: &Job,
         (numbers, wanted): (Numbers, usize),
-        signals: &mut Vec<f32>,
-    ) -> Result<usize, FitError> {
+    ) -> Result<(&[f32], usize), FitError> {
         let structure = Structure::new(&example.candidate);
         let shown = wanted.min(shown(subject, tables));
-        // Rooms are powers of two, so that there are few sessions: each computes its whole room, however few candidates it is given.
-        let room = shown.next_power_of_two();
-        let fits = |session: &Session| {
-            session.physics.structure == structure
-                && session.asked == room
-                && session.tables.has_sizes_of(tables)
-        };
-        let session = match self.sessions.iter().position(fits) {
+        let room = room(shown);
+        let session = match self.predicting(tables, &structure, room) {
             Some(there) => there,
             None => {
                 self.tables = Arc::clone(tables);
@@ -245,8 +270,8 @@ impl Candidates {
         let session = &mut self.sessions[session];
         session.run(&self.stream, numbers, wanted)?;
         let now = shown.min(session.capacity());
-        session.read_signals(&self.stream, now, signals)?;
-        Ok(now)
+        let (signals, _) = session.read(&self.stream, now)?;
+        Ok((signals, now))
     }
 
     /// [`Candidates::tracks`] or [`Candidates::make_logs`]. `shown`: max number of candidates at once.
@@ -259,7 +284,8 @@ impl Candidates {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), FitError> {
-        let (recordings, dimensions) = (self.tables.recordings(), self.tables.dimensions(subject));
+        let tables = Arc::clone(&self.tables);
+        let (recordings, dimensions) = (tables.recordings(), tables.dimensions(subject));
         for (structure, own) in self.groups(subject, jobs)? {
             let mut rest = own.as_slice();
             while !rest.is_empty() {
@@ -271,8 +297,8 @@ impl Candidates {
                 rest = later;
                 self.run(subject, session, now, jobs, begins)?;
                 let (signals, ends) = self.sessions[session].read(&self.stream, now.len())?;
-                let lengths = &self.tables.lengths;
-                let size = self.tables.samples * dimensions;
+                let lengths = &tables.lengths;
+                let size = tables.samples * dimensions;
                 pool::for_each(
                     now.len() * recordings,
                     self.threads,
@@ -327,14 +353,16 @@ impl Candidates {
     /// Makes a session for `wanted` candidates like `example`, or as many as fit; its number.
     fn new_session(&mut self, subject: Subject<'_>, example: &Job, wanted: usize) -> Result<usize, FitError> {
         let structure = Structure::new(&example.candidate);
-        let physics = match self.known.iter().find(|known| known.structure == structure) {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let physics = match known.iter().find(|known| known.structure == structure) {
             Some(known) => known.clone(),
             None => {
                 let physics = Physics::new(subject, &example.candidate)?;
-                self.known.push(physics.clone());
+                known.push(physics.clone());
                 physics
             }
         };
+        drop(known);
         let measured = self.measured.as_deref();
         let tables = Arc::clone(&self.tables);
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
@@ -392,6 +420,12 @@ impl Candidates {
         }
         Ok(times)
     }
+}
+
+/// Room that a session of predictions has for `wanted` candidates: a little more, so that there are few sessions. Each computes its
+/// whole room, however few candidates it is given.
+fn room(wanted: usize) -> usize {
+    wanted.next_multiple_of((wanted.next_power_of_two() / 16).max(1))
 }
 
 /// Max number of candidates whose signals come to the host at once.

@@ -104,37 +104,22 @@ impl Numbers {
         };
         let first: Vec<usize> =
             jobs.iter().map(|job| jobs.iter().position(|other| alike(job, other)).unwrap_or(0)).collect();
-        let begun: Vec<Vec<f32>> = pool::map(jobs.len(), threads, |job| {
-            let courses = courses.iter().filter(|_| first[job] == job);
-            courses.flat_map(|course| tables::numbers(&course.first(walker, &jobs[job].candidate))).collect()
+        let distinct: Vec<usize> = (0..jobs.len()).filter(|&job| first[job] == job).collect();
+        let begun: Vec<Vec<f32>> = pool::map(distinct.len() * courses.len(), threads, |piece| {
+            let (job, course) = (distinct[piece / courses.len()], &courses[piece % courses.len()]);
+            tables::numbers(&course.first(walker, &jobs[job].candidate))
         });
-        self.starts = first.iter().flat_map(|&job| begun[job].iter().copied()).collect();
+        let begun_by = |job: usize| {
+            let place = distinct.iter().position(|&other| other == job).unwrap_or(0);
+            begun[place * courses.len()..][..courses.len()].iter().flatten().copied()
+        };
+        self.starts = first.iter().flat_map(|&job| begun_by(job)).collect();
         self.trust = trust.to_vec();
         self
     }
 }
 
 impl Numbers {
-    /// The numbers of several lists of candidates, one after the other.
-    pub fn joined<'a>(parts: impl Iterator<Item = &'a Self>) -> Self {
-        let mut all = Self::default();
-        for part in parts {
-            let Self { params, factors, every, seeds, begins, starts, trust, deviation, imus, weights } =
-                part;
-            all.params.extend(params);
-            all.factors.extend(factors);
-            all.every.extend(every);
-            all.seeds.extend(seeds);
-            all.begins.extend(begins);
-            all.starts.extend(starts);
-            all.trust.extend(trust);
-            all.deviation.extend(deviation);
-            all.imus.extend(imus);
-            all.weights.extend(weights.iter().cloned());
-        }
-        all
-    }
-
     /// These numbers of `jobs` candidates, repeated or cut until there are `count`: a session computes all that it has room for.
     #[must_use]
     pub fn repeated(self, jobs: usize, count: usize) -> Self {

@@ -1,68 +1,72 @@
 //! Short predictions on a GPU: what `gaitfit_policy::predict` does.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use gaitfit_policy::follow;
 use gaitfit_policy::predict::{Course, Job};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::pool;
 
+use super::candidates::Known;
 use super::scene::by_structure;
 use super::shares::Cancel;
 use super::{Candidates, FitError, Numbers, Readings, Structure, Subject, Tables, Tracks};
 use crate::runtime::Device;
 
 /// Predicts logs by candidates on a GPU. The robot must be the same in all calls. The logs may change from call to call: what is
-/// compiled and allocated for logs as many and as long stays. Several threads may call: while one uses the GPU, the others' calls
-/// wait, and those for the same logs and the same program then run together.
+/// compiled and allocated for logs as many and as long stays. Several threads may call: each has candidates of its own, which the
+/// GPU computes side by side.
 pub struct Predictions {
     device: Device,
     threads: usize,
-    candidates: Mutex<Option<Candidates>>,
-    /// Requests that wait for the GPU.
-    waiting: Mutex<Vec<Arc<Request>>>,
-    /// Memory for signals that is free.
-    spare: Mutex<Vec<Vec<f32>>>,
+    known: Known,
+    places: Mutex<Places>,
+    /// A place has become free.
+    freed: Condvar,
 }
 
-/// Max number of candidates of several requests that run together, and of one request.
+/// Max number of candidates of a call that run together.
 const MAX_TOGETHER: usize = 256;
+/// Max number of threads that use the GPU at once.
+const MAX_PLACES: usize = 8;
 /// The CPU predicts fewer candidates than this with a program of their own: a program takes seconds to compile. The number depends
 /// on the call alone, so that a fit repeats its bits.
 const FEW: usize = 4;
-/// Max number of lists of signals that are kept for the next call.
-const MAX_SPARE: usize = 4;
 
-/// Candidates of one structure on some logs.
-struct Request {
-    tables: Arc<Tables>,
-    structure: Structure,
-    jobs: Vec<follow::Job>,
+/// Who uses the GPU.
+#[derive(Default)]
+struct Places {
+    /// Candidates that no thread uses, the last used one last.
+    free: Vec<Candidates>,
+    /// Number of threads that use candidates.
+    taken: usize,
+}
+
+/// A thread's place; free again when this is dropped.
+struct Place<'a> {
+    predictions: &'a Predictions,
+    /// Gone after a failure.
+    candidates: Option<Candidates>,
+}
+
+impl Drop for Place<'_> {
+    fn drop(&mut self) {
+        let mut places = self.predictions.places();
+        places.taken -= 1;
+        places.free.extend(self.candidates.take());
+        self.predictions.freed.notify_all();
+    }
+}
+
+/// What candidates of one structure predict.
+struct Batch<'a> {
+    subject: Subject<'a>,
+    tables: &'a Arc<Tables>,
+    structure: &'a Structure,
+    /// One of the candidates.
+    example: &'a follow::Job,
     numbers: Numbers,
-    done: Mutex<Option<Done>>,
-}
-
-/// The signals of a request's candidates.
-struct Done {
-    signals: Arc<Vec<f32>>,
-    /// Place of the request's first candidate among those of `signals`.
-    first: usize,
-    /// How many of the request's candidates are done: the first ones.
-    count: usize,
-}
-
-impl Request {
-    fn runs_with(&self, other: &Self) -> bool {
-        Arc::ptr_eq(&self.tables, &other.tables) && self.structure == other.structure
-    }
-
-    fn take(&self) -> Option<Done> {
-        locked(&self.done).take()
-    }
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+    wanted: usize,
 }
 
 impl Predictions {
@@ -71,9 +75,9 @@ impl Predictions {
         Self {
             device: device.clone(),
             threads,
-            candidates: Mutex::new(None),
-            waiting: Mutex::new(Vec::new()),
-            spare: Mutex::new(Vec::new()),
+            known: Known::default(),
+            places: Mutex::default(),
+            freed: Condvar::new(),
         }
     }
 
@@ -93,7 +97,6 @@ impl Predictions {
     ) -> Result<Vec<usize>, FitError> {
         let mut few = Vec::new();
         let subject = Subject::Predict(walker);
-        let (size, recordings) = (tables.samples * subject.dimensions(), tables.recordings());
         for (structure, own) in by_structure(jobs.iter().map(|job| &job.candidate)) {
             if own.len() < FEW || courses.is_empty() {
                 few.extend(own);
@@ -102,21 +105,14 @@ impl Predictions {
             let mut rest = own.as_slice();
             while !rest.is_empty() {
                 let chosen: Vec<&Job> = rest.iter().take(MAX_TOGETHER).map(|&job| &jobs[job]).collect();
-                let request = self.request(walker, (tables, courses), &structure, &chosen)?;
-                let Done { signals, first, count } = self.answer(subject, &request, cancel)?;
-                let one = |(): &mut (), run: usize| {
-                    let recording = run % recordings;
-                    let length = tables.lengths[recording] as usize;
-                    let from = (first * recordings + run) * size;
-                    let rows = &signals[from..from + length * subject.dimensions()];
-                    let dimensions = subject.dimensions();
-                    consume(rest[run / recordings], recording, Tracks { rows, dimensions, fell_at: None });
+                let (followed, numbers) = self.numbers(walker, courses, &chosen)?;
+                let wanted = followed.len();
+                let example = &followed[0];
+                let batch = Batch { subject, tables, structure: &structure, example, numbers, wanted };
+                let pass = |place: usize, course: usize, tracks: Tracks<'_>| {
+                    consume(rest[place], course, tracks);
                 };
-                pool::for_each(count * recordings, self.threads, || (), one);
-                let mut spare = locked(&self.spare);
-                spare.extend(Arc::into_inner(signals));
-                spare.truncate(MAX_SPARE);
-                rest = &rest[count..];
+                rest = &rest[self.predict(&batch, &pass, cancel)?..];
             }
         }
         few.sort_unstable();
@@ -124,86 +120,117 @@ impl Predictions {
     }
 
     /// What the GPU needs of these jobs, which share a structure.
-    fn request(
+    fn numbers(
         &self,
         walker: &Walker,
-        (tables, courses): (&Arc<Tables>, &[Course]),
-        structure: &Structure,
+        courses: &[Course],
         jobs: &[&Job],
-    ) -> Result<Arc<Request>, FitError> {
+    ) -> Result<(Vec<follow::Job>, Numbers), FitError> {
         let followed = |job: &&Job| follow::Job {
             candidate: job.candidate.clone(),
             reset_every: Some(job.every),
             seed: job.seed,
         };
         let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
-        let jobs: Vec<follow::Job> = jobs.iter().map(followed).collect();
+        let followed: Vec<follow::Job> = jobs.iter().map(followed).collect();
         let readings = Readings { walker, courses, trust: &trust };
-        let numbers = Numbers::new(Subject::Predict(walker), &jobs, tables.starts, self.threads)?.predicting(
-            &jobs,
+        let numbers = Numbers::new(Subject::Predict(walker), &followed, 1, self.threads)?.predicting(
+            &followed,
             &readings,
             self.threads,
         );
-        let (tables, structure) = (Arc::clone(tables), structure.clone());
-        Ok(Arc::new(Request { tables, structure, jobs, numbers, done: Mutex::default() }))
+        Ok((followed, numbers))
     }
 
-    /// The signals of some of the request's candidates, at least of one: with those of other threads' requests, if there are.
-    fn answer(
+    /// Hands `consume` the predictions of the first candidates of `batch`, at least of one, and returns of how many.
+    fn predict(
         &self,
-        subject: Subject<'_>,
-        request: &Arc<Request>,
+        batch: &Batch<'_>,
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &Cancel<'_>,
-    ) -> Result<Done, FitError> {
-        locked(&self.waiting).push(Arc::clone(request));
-        let mut candidates = locked(&self.candidates);
-        // Another thread may have done it meanwhile.
-        if let Some(done) = request.take() {
-            return Ok(done);
-        }
-        let together = self.together(request);
+    ) -> Result<usize, FitError> {
+        let mut place = self.place(batch)?;
         if cancel() {
             return Err(FitError::Cancelled);
         }
-        let wanted = together.iter().map(|one| one.jobs.len()).sum();
-        let numbers = Numbers::joined(together.iter().map(|one| &one.numbers));
-        let mut signals = locked(&self.spare).pop().unwrap_or_default();
-        let candidates = match candidates.as_mut() {
-            Some(candidates) => candidates,
-            None => {
-                candidates.insert(Candidates::new(&self.device, Arc::clone(&request.tables), self.threads)?)
-            }
-        };
-        let example = &request.jobs[0];
-        let done = candidates.predict(subject, &request.tables, example, (numbers, wanted), &mut signals)?;
-        let (signals, mut first) = (Arc::new(signals), 0);
-        for one in &together {
-            let count = one.jobs.len().min(done.saturating_sub(first));
-            if count > 0 {
-                *locked(&one.done) = Some(Done { signals: Arc::clone(&signals), first, count });
-            }
-            first += one.jobs.len();
+        if let Some(candidates) = &mut place.candidates
+            && let Ok((signals, count)) = batch.run(candidates)
+        {
+            self.consume(batch, signals, count, consume);
+            return Ok(count);
         }
-        drop(signals);
-        request.take().ok_or(FitError::Length { what: "a request", expected: 1, found: 0 })
+        place.candidates = None;
+        drop(place);
+        // The memory of the others may be enough.
+        let mut places = self.wait(|places| places.taken == 0);
+        places.free.clear();
+        let mut candidates = self.candidates(batch)?;
+        let (signals, count) = batch.run(&mut candidates)?;
+        self.consume(batch, signals, count, consume);
+        places.free.push(candidates);
+        Ok(count)
     }
 
-    /// Takes `request` and the waiting requests that can run with it; `request` comes first. A request that does not fit, or whose
-    /// batch fails, runs when its own thread gets the GPU.
-    fn together(&self, request: &Arc<Request>) -> Vec<Arc<Request>> {
-        let mut waiting = locked(&self.waiting);
-        let (mut together, mut count) = (vec![Arc::clone(request)], request.jobs.len());
-        waiting.retain(|other| {
-            if Arc::ptr_eq(other, request) {
-                return false;
-            }
-            let fits = other.runs_with(request) && count + other.jobs.len() <= MAX_TOGETHER;
-            if fits {
-                count += other.jobs.len();
-                together.push(Arc::clone(other));
-            }
-            !fits
-        });
-        together
+    fn consume(
+        &self,
+        batch: &Batch<'_>,
+        signals: &[f32],
+        count: usize,
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
+    ) {
+        let Batch { subject, tables, .. } = batch;
+        let (recordings, dimensions) = (tables.recordings(), subject.dimensions());
+        let size = tables.samples * dimensions;
+        // Neighbouring pieces belong to different candidates: threads shall not wait for each other.
+        pool::for_each(
+            count * recordings,
+            self.threads,
+            || (),
+            |(): &mut (), piece| {
+                let (place, recording) = (piece % count, piece / count);
+                let from = (place * recordings + recording) * size;
+                let rows = &signals[from..from + tables.lengths[recording] as usize * dimensions];
+                consume(place, recording, Tracks { rows, dimensions, fell_at: None });
+            },
+        );
+    }
+
+    /// A place for the calling thread, if possible with what `batch` needs.
+    fn place(&self, batch: &Batch<'_>) -> Result<Place<'_>, FitError> {
+        let mut places = self.wait(|places| places.taken < MAX_PLACES);
+        let suits =
+            |one: &Candidates| one.predicts(batch.subject, batch.tables, (batch.structure, batch.wanted));
+        let suited = places.free.iter().rposition(suits).map(|at| places.free.remove(at));
+        let unused = |places: &mut Places| {
+            let full = places.taken + places.free.len() >= MAX_PLACES;
+            full.then(|| places.free.pop()).flatten()
+        };
+        let candidates = match suited.or_else(|| unused(&mut places)) {
+            Some(candidates) => candidates,
+            None => self.candidates(batch)?,
+        };
+        places.taken += 1;
+        Ok(Place { predictions: self, candidates: Some(candidates) })
+    }
+
+    fn candidates(&self, batch: &Batch<'_>) -> Result<Candidates, FitError> {
+        Candidates::sharing(&self.device, Arc::clone(batch.tables), self.threads, Arc::clone(&self.known))
+    }
+
+    /// The places, as soon as they are `ready`.
+    fn wait(&self, ready: impl Fn(&Places) -> bool) -> MutexGuard<'_, Places> {
+        let waiting = |places: &mut Places| !ready(places);
+        self.freed.wait_while(self.places(), waiting).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn places(&self) -> MutexGuard<'_, Places> {
+        self.places.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Batch<'_> {
+    /// The signals of the first candidates, and of how many they are.
+    fn run<'a>(&self, candidates: &'a mut Candidates) -> Result<(&'a [f32], usize), FitError> {
+        candidates.predict(self.subject, self.tables, self.example, (self.numbers.clone(), self.wanted))
     }
 }

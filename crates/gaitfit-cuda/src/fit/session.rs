@@ -13,7 +13,7 @@ use crate::costs::{self, Comparison};
 use crate::emit::Class;
 use crate::physics::{Batch, Period};
 use crate::ppo::{Id, Launch, Storage, Stored};
-use crate::runtime::{Buffer, CudaError, Device, Graph, Kernel, Stream};
+use crate::runtime::{Buffer, CudaError, Device, Graph, Kernel, Pinned, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
@@ -37,6 +37,8 @@ pub(super) struct Session {
     kernels: Vec<(&'static str, Kernel)>,
     comparison: Option<Comparison>,
     graph: Option<Graph>,
+    /// The signals that were read last, on the host.
+    shown: Option<Pinned<f32>>,
 }
 
 /// The physics of candidates of one structure, however many there are.
@@ -154,6 +156,7 @@ impl Session {
             kernels,
             comparison,
             graph: None,
+            shown: None,
         };
         session.write_tables(stream)?;
         Ok(session)
@@ -287,27 +290,21 @@ impl Session {
     }
 
     /// Signals of the first `candidates`, `candidates × recordings × samples × dimensions`, and where each recording ended.
-    pub fn read(&self, stream: &Stream, candidates: usize) -> Result<(Vec<f32>, Vec<u32>), FitError> {
-        match self.results() {
-            Some((signals, ends)) => {
-                let each = signals.len() / self.capacity().max(1);
-                Ok((signals.read_first(stream, candidates * each)?, ends.read(stream)?))
+    pub fn read(&mut self, stream: &Stream, candidates: usize) -> Result<(&[f32], Vec<u32>), FitError> {
+        let mut shown = self.shown.take();
+        let Some((signals, ends)) = self.results() else { return Ok(Default::default()) };
+        let count = candidates * (signals.len() / self.capacity().max(1));
+        let mut to = match shown.take() {
+            Some(there) if there.len() >= count => there,
+            // Two may be more than the system has.
+            smaller => {
+                drop(smaller);
+                Pinned::new(stream, count)?
             }
-            None => Ok(Default::default()),
-        }
-    }
-
-    /// Signals of the first `candidates`, as [`Session::read`] has them.
-    pub fn read_signals(
-        &self,
-        stream: &Stream,
-        candidates: usize,
-        signals: &mut Vec<f32>,
-    ) -> Result<(), CudaError> {
-        let Some((from, _)) = self.results() else { return Ok(()) };
-        let each = from.len() / self.capacity().max(1);
-        signals.resize(candidates * each, 0.0);
-        from.read_first_into(stream, signals)
+        };
+        signals.read_first(stream, &mut to[..count])?;
+        let ends = ends.read(stream)?;
+        Ok((&self.shown.insert(to)[..count], ends))
     }
 
     /// Compares the candidates: distances of the first `distances` of them and of the first `compared` dimensions; sums of

@@ -34,6 +34,8 @@ functions! {
         memory_info = "cuMemGetInfo_v2"(*mut usize, *mut usize);
         allocate = "cuMemAlloc_v2"(*mut Address, usize);
         free = "cuMemFree_v2"(Address);
+        allocate_host = "cuMemAllocHost_v2"(*mut *mut c_void, usize);
+        free_host = "cuMemFreeHost"(*mut c_void);
         copy_in = "cuMemcpyHtoDAsync_v2"(Address, *const c_void, usize, Handle);
         copy_out = "cuMemcpyDtoHAsync_v2"(*mut c_void, Address, usize, Handle);
         copy_across = "cuMemcpyPeerAsync"(Address, Handle, Address, Handle, usize, Handle);

@@ -168,21 +168,11 @@ impl<T: Number> Buffer<T> {
         self.read_beginning(stream, numbers)
     }
 
-    /// As [`Buffer::read`], but only the first `count` numbers, or all if there are fewer.
-    ///
-    /// # Errors
-    /// As [`Buffer::read`].
-    pub fn read_first(&self, stream: &Stream, count: usize) -> Result<Vec<T>, CudaError> {
-        let mut numbers = vec![T::default(); count.min(self.length)];
-        self.read_beginning(stream, &mut numbers)?;
-        Ok(numbers)
-    }
-
     /// As [`Buffer::read_into`], but only as many numbers as there is room for.
     ///
     /// # Errors
     /// As [`Buffer::read`], or [`CudaError::Length`] if there are fewer.
-    pub fn read_first_into(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
+    pub fn read_first(&self, stream: &Stream, numbers: &mut [T]) -> Result<(), CudaError> {
         if numbers.len() > self.length {
             self.expect(numbers.len())?;
         }

@@ -30,6 +30,7 @@
 //!   [`compile()`] does it without a GPU. [`Device::compile_ahead`] begins on threads of their own.
 //! - [`Module::kernel`] finds a kernel, [`Kernel::launch`] starts it. Arguments are buffers and numbers, `into()`.
 //! - [`Buffer`] checks free memory before it allocates; [`Device::check_room`] does it for a whole plan.
+//!   [`Pinned`] is memory of the host that a GPU copies to fast.
 //! - [`Stream`] orders work, [`Stream::record`] makes a [`Graph`] of it, [`Event`] takes times. A failure of a kernel
 //!   shows when the stream is waited for, and names the kernels since the last wait.
 #![allow(unsafe_code, reason = "calls of the driver and the compiler, each with its reason")]
@@ -44,6 +45,7 @@ mod found;
 mod memory;
 mod module;
 mod nvrtc;
+mod pinned;
 pub mod search;
 mod stream;
 mod table;
@@ -57,4 +59,5 @@ pub use found::{Found, find};
 pub use memory::{Buffer, Number};
 pub use module::{Argument, Kernel, Module, Shape};
 pub use nvrtc::{Image, Nvrtc};
+pub use pinned::Pinned;
 pub use stream::{Event, Graph, Stream};

@@ -5,9 +5,7 @@ use super::walking::Walking;
 use crate::gpu_predictions::Readings;
 use crate::log::Log;
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::{
-    Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, Theta,
-};
+use gaitfit_adapt::{Cancel, Consume, Identity, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation;
 use gaitfit_policy::follow::{self, Script, Track};
@@ -107,10 +105,6 @@ impl Simulator for WalkSimulator {
 
     fn threads(&self) -> usize {
         self.walking.threads
-    }
-
-    fn shared(&self) -> Option<&SharedSimulator> {
-        Some(self)
     }
 
     fn simulate(

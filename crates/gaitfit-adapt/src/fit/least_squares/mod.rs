@@ -29,7 +29,7 @@ use gaitfit_random::{Purpose, Stream};
 use normal::{Jacobian, Loss, Normal};
 pub use question::{Comparison, Failure, Question, Replicate, Slope, World, answers};
 pub use residuals::Problem;
-use residuals::Residuals;
+use residuals::{Column, Residuals, residuals};
 pub use sensitivity::{Sensitivity, sensitivity};
 use serde::{Deserialize, Serialize};
 
@@ -151,20 +151,28 @@ impl GaussNewton {
         generations: usize,
         tolerance: f64,
     ) -> Result<Option<Stepped>, FitError> {
-        let theta = problem.theta;
-        let Some(here) = around(problem, &self.values)? else { return Ok(None) };
-        let loss = Loss::new(&here.residuals);
-        let normal = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads());
-        let free = free(theta, &self.values, &normal);
-        let trials: Vec<(f64, Vec<f64>)> = DAMPINGS
-            .iter()
-            .map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING))
-            .filter_map(|damping| {
-                Some((damping, moved(theta, &self.values, normal.step(damping, &free)?.iter())))
-            })
-            .collect();
-        let candidates: Vec<Vec<f64>> = trials.iter().map(|(_, values)| values.clone()).collect();
-        let tried = problem.residuals(&candidates)?;
+        Ok(step(&mut [(self, *problem)], generations, tolerance)?.pop().flatten())
+    }
+
+    /// Values that a step may lead to, with the damping of each.
+    fn trials(&self, theta: &Theta, slopes: &Slopes) -> Vec<(f64, Vec<f64>)> {
+        let dampings = DAMPINGS.iter().map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING));
+        let trial = |damping: f64| {
+            let step = slopes.normal.step(damping, &slopes.free)?;
+            Some((damping, moved(theta, &self.values, step.iter())))
+        };
+        dampings.filter_map(trial).collect()
+    }
+
+    /// Goes to the best of `trials`, if one is downhill. `tried`: their differences.
+    fn choose(
+        &mut self,
+        theta: &Theta,
+        slopes: &Slopes,
+        (trials, tried): (&[(f64, Vec<f64>)], &[Option<Residuals>]),
+        (generations, tolerance): (usize, f64),
+    ) -> Stepped {
+        let Slopes { here, loss, normal, free } = slopes;
         let before = loss.mean(&here.residuals);
         let losses = tried.iter().enumerate().filter_map(|(at, one)| Some((at, loss.mean(one.as_ref()?))));
         let lowest = losses.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -187,7 +195,7 @@ impl GaussNewton {
             Some((at, residuals)) => {
                 let (damping, values) = &trials[at];
                 // The step that no damping shortens says how far the end is.
-                let whole = normal.step(MIN_DAMPING, &free);
+                let whole = normal.step(MIN_DAMPING, free);
                 let left = whole.map(|step| moved(theta, &self.values, step.iter()));
                 stepped.size = size(theta, &self.values, left.as_ref().unwrap_or(values));
                 stepped.cost = residuals.cost;
@@ -208,8 +216,60 @@ impl GaussNewton {
         // The last values are the answer: the loss falls with every step, the cost nearly so.
         self.best =
             Some(Best { x: self.values.clone(), cost: stepped.cost, generation: self.generation - 1 });
-        Ok(Some(stepped))
+        stepped
     }
+}
+
+/// The equations of a step.
+struct Slopes {
+    here: Around,
+    loss: Loss,
+    normal: Normal,
+    free: Vec<bool>,
+}
+
+impl Slopes {
+    fn new(problem: &Problem<'_>, values: &[f64], here: Around) -> Self {
+        let loss = Loss::new(&here.residuals);
+        let normal = Normal::whole(&here.jacobian, &here.residuals, loss, problem.simulator.threads());
+        let free = free(problem.theta, values, &normal);
+        Self { here, loss, normal, free }
+    }
+}
+
+/// One step of each of some searches with the same simulator and θ, whose candidates are simulated together. `None` in the place of
+/// a search if the simulation of its present θ diverges.
+///
+/// # Errors
+/// As [`Problem::residuals`]; no search has moved then.
+pub(super) fn step(
+    searches: &mut [(&mut GaussNewton, Problem<'_>)],
+    generations: usize,
+    tolerance: f64,
+) -> Result<Vec<Option<Stepped>>, FitError> {
+    let points: Vec<(Problem<'_>, &[f64])> =
+        searches.iter().map(|(search, problem)| (*problem, search.values.as_slice())).collect();
+    let around = around_all(&points)?.into_iter().zip(&points);
+    let slopes: Vec<Option<Slopes>> =
+        around.map(|(here, (problem, values))| Some(Slopes::new(problem, values, here?))).collect();
+    let trials: Vec<Vec<(f64, Vec<f64>)>> = searches
+        .iter()
+        .zip(&slopes)
+        .map(|((search, problem), slopes)| {
+            slopes.as_ref().map_or_else(Vec::new, |slopes| search.trials(problem.theta, slopes))
+        })
+        .collect();
+    let candidates: Vec<Vec<Vec<f64>>> =
+        trials.iter().map(|trials| trials.iter().map(|(_, values)| values.clone()).collect()).collect();
+    let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
+        searches.iter().zip(&candidates).map(|((_, problem), all)| (*problem, all.as_slice())).collect();
+    let tried = residuals(&asked)?;
+    let known = slopes.iter().zip(trials.iter().zip(&tried));
+    let chosen = searches.iter_mut().zip(known).map(|((search, problem), (slopes, (trials, tried)))| {
+        let slopes = slopes.as_ref()?;
+        Some(search.choose(problem.theta, slopes, (trials, tried), (generations, tolerance)))
+    });
+    Ok(chosen.collect())
 }
 
 /// A point of θ with the derivatives there.
@@ -221,40 +281,82 @@ struct Around {
 
 /// Simulates `values` with derivatives, or else with its neighbours; `None` if one of them diverges.
 fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitError> {
-    let theta = problem.theta;
-    let mut candidates = vec![values.to_vec()];
-    let mut steps = Vec::with_capacity(values.len());
-    for (at, entry) in theta.entries().iter().enumerate() {
-        let room = 0.5 * (entry.upper - entry.lower);
-        let probe = (PROBE * entry.deviation).min(room);
-        let mut at_most = |to: f64| {
-            let mut candidate = values.to_vec();
-            candidate[at] = to.clamp(entry.lower, entry.upper);
-            candidates.push(candidate);
-            candidates.last().map_or(to, |candidate| candidate[at])
-        };
-        steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
+    Ok(around_all(&[(*problem, values)])?.pop().flatten())
+}
+
+/// As [`around`] of several points, which are simulated together.
+fn around_all(points: &[(Problem<'_>, &[f64])]) -> Result<Vec<Option<Around>>, FitError> {
+    let neighbourhoods: Vec<Neighbourhood> =
+        points.iter().map(|(problem, values)| Neighbourhood::new(problem.theta, values)).collect();
+    let mut exact = Vec::with_capacity(points.len());
+    for ((problem, values), near) in points.iter().zip(&neighbourhoods) {
+        problem.check(problem.differences()?.count(), near.candidates.len())?;
+        exact.push(problem.derivatives(values)?);
     }
-    let differences = problem.differences()?;
-    problem.check(differences.count(), candidates.len())?;
-    if let Some(columns) = problem.derivatives(values)? {
-        let first = problem.residuals(&candidates[..1])?.pop().flatten();
-        let Some(residuals) = first else { return Ok(None) };
-        let jacobian = Jacobian::exact(columns, differences.width());
-        return Ok(Some(Around { residuals, jacobian, evaluations: 1 + theta.len() }));
+    let asked: Vec<(Problem<'_>, &[Vec<f64>])> = points
+        .iter()
+        .zip(neighbourhoods.iter().zip(&exact))
+        .map(|((problem, _), (near, exact))| {
+            let first = if exact.is_some() { 1 } else { near.candidates.len() };
+            (*problem, &near.candidates[..first])
+        })
+        .collect();
+    let simulated = residuals(&asked)?.into_iter().zip(exact);
+    let one = |((problem, _), (near, (residuals, exact))): ((&Problem<'_>, _), (_, (_, _)))| {
+        around_one(problem, near, residuals, exact)
+    };
+    let known = neighbourhoods.iter().zip(simulated);
+    points.iter().map(|(problem, values)| (problem, values)).zip(known).map(one).collect()
+}
+
+/// A point and its neighbours.
+struct Neighbourhood {
+    /// The point, and behind it the two neighbours of each entry.
+    candidates: Vec<Vec<f64>>,
+    /// How far these two are apart.
+    steps: Vec<f64>,
+}
+
+impl Neighbourhood {
+    fn new(theta: &Theta, values: &[f64]) -> Self {
+        let mut candidates = vec![values.to_vec()];
+        let mut steps = Vec::with_capacity(values.len());
+        for (at, entry) in theta.entries().iter().enumerate() {
+            let room = 0.5 * (entry.upper - entry.lower);
+            let probe = (PROBE * entry.deviation).min(room);
+            let mut at_most = |to: f64| {
+                let mut candidate = values.to_vec();
+                candidate[at] = to.clamp(entry.lower, entry.upper);
+                candidates.push(candidate);
+                candidates.last().map_or(to, |candidate| candidate[at])
+            };
+            steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
+        }
+        Self { candidates, steps }
     }
-    let all: Option<Vec<Residuals>> = problem.residuals(&candidates)?.into_iter().collect();
+}
+
+/// [`around`], from the differences of the point and its neighbours, or of the point alone and `exact` derivatives.
+fn around_one(
+    problem: &Problem<'_>,
+    near: &Neighbourhood,
+    residuals: Vec<Option<Residuals>>,
+    exact: Option<Vec<Column>>,
+) -> Result<Option<Around>, FitError> {
+    let (width, threads) = (problem.differences()?.width(), problem.simulator.threads());
+    let all: Option<Vec<Residuals>> = residuals.into_iter().collect();
     let mut all = all.into_iter().flatten();
     let Some(residuals) = all.next() else { return Ok(None) };
-    let mut pairs = Vec::with_capacity(steps.len());
-    while let (Some(up), Some(down)) = (all.next(), all.next()) {
-        pairs.push((up, down, steps[pairs.len()]));
+    if let Some(columns) = exact {
+        let jacobian = Jacobian::exact(columns, width);
+        return Ok(Some(Around { residuals, jacobian, evaluations: near.candidates.len().div_ceil(2) }));
     }
-    Ok(Some(Around {
-        residuals,
-        jacobian: Jacobian::new(&pairs, differences.width(), problem.simulator.threads()),
-        evaluations: candidates.len(),
-    }))
+    let mut pairs = Vec::with_capacity(near.steps.len());
+    while let (Some(up), Some(down)) = (all.next(), all.next()) {
+        pairs.push((up, down, near.steps[pairs.len()]));
+    }
+    let jacobian = Jacobian::new(pairs, width, threads);
+    Ok(Some(Around { residuals, jacobian, evaluations: near.candidates.len() }))
 }
 
 /// Entries that may move: all but those on a bound beyond which the loss falls.

@@ -83,20 +83,19 @@ pub(super) struct Jacobian {
 
 impl Jacobian {
     /// From candidates moved up and down in one entry each, and the distance between the two, on `threads` threads.
-    pub fn new(moved: &[(Residuals, Residuals, f64)], width: usize, threads: usize) -> Self {
-        let column = |entry: usize| {
-            let (up, down, step) = &moved[entry];
+    pub fn new(moved: Vec<(Residuals, Residuals, f64)>, width: usize, threads: usize) -> Self {
+        let column = |(up, down, step): (Residuals, Residuals, f64)| {
             // An entry without room to move has no derivative.
-            let inverse = if *step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
-            let of_recording = |(up, down): (&Vec<f32>, &Vec<f32>)| -> Vec<f32> {
-                up.iter().zip(down).map(|(up, down)| (up - down) * inverse).collect()
-            };
-            let mut recordings: Vec<Vec<f32>> =
-                up.recordings.iter().zip(&down.recordings).map(of_recording).collect();
+            let inverse = if step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
+            // The memory is there already.
+            let mut recordings = up.recordings;
+            for (up, down) in recordings.iter_mut().zip(&down.recordings) {
+                up.iter_mut().zip(down).for_each(|(up, down)| *up = (*up - down) * inverse);
+            }
             limit(&mut recordings, width);
             recordings
         };
-        Self { columns: pool::map(moved.len(), threads, column), width }
+        Self { columns: pool::map_each(moved.into_iter(), (threads, threads), column), width }
     }
 
     /// From the simulator's own derivatives.

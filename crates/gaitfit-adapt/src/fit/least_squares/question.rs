@@ -117,8 +117,8 @@ pub fn answers<W: World + ?Sized>(
     };
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
     let candidates = 2 * problem.theta.len() + 1;
-    let threads = logs
-        .first()
-        .map_or(1, |logs| Problem::parallel(logs.cost.as_ref(), candidates, logs.simulator.threads()));
-    pool::map(logs.len(), threads, |set| answer(&logs[set])).into_iter().collect()
+    let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
+    let at_once = logs.first().map_or(1, |logs| Problem::at_once(logs.cost.as_ref(), candidates));
+    let at_once = at_once.min(threads);
+    pool::map_each(logs.iter(), (at_once, threads), answer).into_iter().collect()
 }

@@ -57,48 +57,7 @@ impl Problem<'_> {
         &self,
         candidates: &[Vec<f64>],
     ) -> Result<Vec<Option<Residuals>>, FitError> {
-        let differences = self.differences()?;
-        let count = self.simulator.recordings();
-        let begin = |_: &Vec<f64>| {
-            Mutex::new(Pending {
-                accumulator: self.cost.begin(),
-                recordings: vec![None; count],
-                falls: 0,
-                error: None,
-            })
-        };
-        let pending: Vec<Mutex<Pending<'_>>> = candidates.iter().map(begin).collect();
-        let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
-            let Some(pending) = pending.get(candidate) else { return };
-            let residuals = differences.compute(recording, signals);
-            let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            pending.falls += usize::from(signals.fell_at.is_some());
-            let added = residuals
-                .and_then(|residuals| pending.accumulator.add(recording, signals).map(|()| residuals));
-            match added {
-                Ok(residuals) => {
-                    if let Some(slot) = pending.recordings.get_mut(recording) {
-                        *slot = Some(residuals);
-                    }
-                }
-                Err(error) => pending.error = pending.error.take().or(Some(error)),
-            }
-        };
-        let rollouts: Vec<Rollout> = candidates.iter().map(|values| self.rollout(values)).collect();
-        self.simulator.simulate(self.theta, &rollouts, &consume, self.cancel)?;
-        let finish = |pending: Mutex<Pending<'_>>| {
-            let mut pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-            match pending.error {
-                Some(error) if error.is_candidate_failure() => return Ok(None),
-                Some(error) => return Err(FitError::Cost(error)),
-                None => {}
-            }
-            let recordings =
-                pending.recordings.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)?;
-            let cost = pending.accumulator.finish().map_err(FitError::Cost)?.total;
-            Ok(cost.is_finite().then_some(Residuals { recordings, cost, falls: pending.falls }))
-        };
-        pending.into_iter().map(finish).collect()
+        Ok(residuals(&[(*self, candidates)])?.pop().unwrap_or_default())
     }
 
     fn rollout(&self, values: &[f64]) -> Rollout {
@@ -140,16 +99,77 @@ impl Problem<'_> {
         columns.map(Some).ok_or(FitError::Incomplete)
     }
 
-    /// Number of threads that may each take derivatives by `candidates` candidates, as far as memory allows.
-    pub(in crate::fit) fn parallel(cost: &dyn Cost, candidates: usize, threads: usize) -> usize {
+    /// How many steps of `candidates` candidates each there is memory for at once, at least one.
+    pub(in crate::fit) fn at_once(cost: &dyn Cost, candidates: usize) -> usize {
         let numbers = cost.differences().map_or(1, |differences| differences.count());
         let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
-        (MEMORY / needed.max(1)).clamp(1, threads.max(1))
+        (MEMORY / needed.max(1)).max(1)
     }
 
     /// Refuses more candidates than memory has room for.
     pub(super) fn check(&self, numbers: usize, candidates: usize) -> Result<(), FitError> {
         let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
         if needed > MEMORY { Err(FitError::TooMany { needed, max: MEMORY }) } else { Ok(()) }
+    }
+}
+
+/// The differences of the candidates of several problems with the same simulator and θ, all simulated together: a list for each
+/// problem, `None` for a candidate that diverged.
+///
+/// # Errors
+/// As [`Problem::residuals`].
+pub(super) fn residuals(
+    asked: &[(Problem<'_>, &[Vec<f64>])],
+) -> Result<Vec<Vec<Option<Residuals>>>, FitError> {
+    let Some((Problem { simulator, theta, cancel, .. }, _)) = asked.first() else { return Ok(Vec::new()) };
+    let (mut rollouts, mut pending) = (Vec::new(), Vec::new());
+    for (problem, candidates) in asked {
+        let differences = problem.differences()?;
+        for values in *candidates {
+            rollouts.push(problem.rollout(values));
+            pending.push((differences, Mutex::new(Pending::new(problem.cost, simulator.recordings()))));
+        }
+    }
+    let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
+        if let Some((differences, pending)) = pending.get(candidate) {
+            let residuals = differences.compute(recording, signals);
+            let mut pending = pending.lock().unwrap_or_else(PoisonError::into_inner);
+            pending.add(recording, signals, residuals);
+        }
+    };
+    simulator.simulate(theta, &rollouts, &consume, cancel)?;
+    let mut finished = pending
+        .into_iter()
+        .map(|(_, pending)| pending.into_inner().unwrap_or_else(PoisonError::into_inner).finish());
+    asked.iter().map(|(_, candidates)| finished.by_ref().take(candidates.len()).collect()).collect()
+}
+
+impl<'a> Pending<'a> {
+    fn new(cost: &'a dyn Cost, recordings: usize) -> Self {
+        Self { accumulator: cost.begin(), recordings: vec![None; recordings], falls: 0, error: None }
+    }
+
+    fn add(&mut self, recording: usize, signals: Signals<'_>, residuals: Result<Vec<f32>, CostError>) {
+        self.falls += usize::from(signals.fell_at.is_some());
+        match residuals.and_then(|numbers| self.accumulator.add(recording, signals).map(|()| numbers)) {
+            Ok(numbers) => {
+                if let Some(slot) = self.recordings.get_mut(recording) {
+                    *slot = Some(numbers);
+                }
+            }
+            Err(error) => self.error = self.error.take().or(Some(error)),
+        }
+    }
+
+    fn finish(mut self) -> Result<Option<Residuals>, FitError> {
+        match self.error {
+            Some(error) if error.is_candidate_failure() => return Ok(None),
+            Some(error) => return Err(FitError::Cost(error)),
+            None => {}
+        }
+        let recordings =
+            self.recordings.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)?;
+        let cost = self.accumulator.finish().map_err(FitError::Cost)?.total;
+        Ok(cost.is_finite().then_some(Residuals { recordings, cost, falls: self.falls }))
     }
 }
