@@ -153,6 +153,11 @@ impl Anatomy {
         self.legs.len() == 2
     }
 
+    /// Whether it walks on two legs with soles, so that it can stand without steps.
+    pub fn stands_on_soles(&self) -> bool {
+        self.biped() && self.legs.iter().all(|leg| leg.sole)
+    }
+
     /// How the feet were found.
     pub fn how(&self) -> String {
         let geoms = self.legs.iter().map(|leg| leg.geoms.len()).max().unwrap_or_default();

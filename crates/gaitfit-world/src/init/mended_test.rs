@@ -294,6 +294,18 @@ fn iterations_are_written_over_those_of_two_legs_and_beside_the_task_of_four() {
 }
 
 #[test]
+fn two_legs_with_soles_are_paid_for_standing_and_points_for_steps_on_the_spot() {
+    for (soles, steps) in [(true, 3.0), (false, 0.0)] {
+        let (_folder, file) = package(&walker(&TWO, soles, 20.0), true);
+        let settings = prepare(&file, Preparation::default()).unwrap().look.settings;
+        let weight = |term: &str| settings.rewards.get(term).copied().unwrap_or(0.0);
+        assert_eq!((weight("steps"), weight("step_clock")), (steps, 3.0 - steps));
+        assert_eq!(weight("stand_still") < 0.0, soles);
+        assert_eq!(settings.terms.contains_key("steps"), soles);
+    }
+}
+
+#[test]
 fn other_guesses_differ_from_the_first_in_their_gains() {
     let (_folder, file) = package(&walker(&FOUR, false, 20.0), true);
     let prepared = prepare(&file, Preparation::default()).unwrap();
