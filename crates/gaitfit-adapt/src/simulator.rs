@@ -146,8 +146,9 @@ pub trait Simulator {
 
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
-    /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` returns true, it returns
-    /// within a fraction of a second, without the simulations that are not done.
+    /// alone: not on what else is in the batch, nor on the number of threads. There is one exception: a simulator with a GPU may
+    /// leave candidates whose program few of the batch share to the CPU. Once `cancel` returns true, it returns within a
+    /// fraction of a second, without the simulations that are not done.
     ///
     /// # Errors
     /// Work that the simulator cannot do, for example [`Rollout::resets`], in its own words; [`SimulatorError::Cancelled`].

@@ -61,26 +61,15 @@ mod with_cuda {
             let (walker, Readings { courses, tables }) = (&walking.task.walker, readings);
             let predictions = self.0.get_or_init(|| Predictions::new(gpu, walking.threads));
             let tables = tables.get_or_init(|| Arc::new(Tables::predict(walker, courses)));
-            let joints = walker.joints.len();
             let pass = |job: usize, course: usize, tracks: Tracks<'_>| {
-                consume(job, course, &track(joints, &tracks));
+                let (position, velocity) = tracks.joints();
+                consume(job, course, &Track { position, velocity, ..Track::default() });
             };
             predictions.run(walker, (tables, courses), jobs, &pass, cancel).map_err(|error| match error {
                 FitError::Cancelled => SimulatorError::Cancelled,
                 error => SimulatorError::failed(error),
             })
         }
-    }
-
-    fn track(joints: usize, tracks: &Tracks<'_>) -> Track {
-        let numbers = tracks.rows.len() / 2;
-        let [position, velocity] = [(); 2].map(|()| Vec::with_capacity(numbers));
-        let mut track = Track { position, velocity, ..Track::default() };
-        for row in tracks.rows.chunks_exact(tracks.dimensions) {
-            track.position.extend_from_slice(&row[..joints]);
-            track.velocity.extend_from_slice(&row[joints..]);
-        }
-        track
     }
 }
 

@@ -1,7 +1,6 @@
 //! Work shared by threads in pieces: the one place where this workspace starts threads for computing.
 //!
-//! Work may share work of its own. The threads are then divided: if four of sixteen threads each share work again, each of them
-//! uses four threads.
+//! Work may share work of its own. The threads are then divided, rounded up: five jobs on sixteen threads use four threads each.
 
 use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
@@ -27,8 +26,8 @@ impl Drop for Width {
 }
 
 /// Does every job once: one thread a worker, the calling thread among them, each taking the next job when it is free.
-/// Jobs are taken in order but finish in any order: `work` must not care. Without workers nothing is done. Where the calling thread
-/// is itself one of several, some workers may get no job.
+/// Jobs are taken in order but finish in any order: `work` must not care. Without workers nothing is done. If the
+/// calling thread belongs to other parallel work, fewer workers may be used. Each job may use one thread.
 pub fn share<W: Send, J: Send>(
     workers: &mut [W],
     jobs: impl Iterator<Item = J> + Send,
@@ -38,7 +37,7 @@ pub fn share<W: Send, J: Send>(
     share_on(threads, workers, jobs, work);
 }
 
-/// As [`share`]; with more `threads` than workers, the work of each worker may use several of them.
+/// As [`share`]; with more `threads` than workers, each job may use several of them.
 fn share_on<W: Send, J: Send>(
     threads: usize,
     workers: &mut [W],
@@ -85,8 +84,8 @@ pub fn map<R: Send>(pieces: usize, threads: usize, work: impl Fn(usize) -> R + S
     map_each(0..pieces, (threads, threads), work)
 }
 
-/// What `work` makes of every one of `jobs`, in their order. `(at_once, threads)`: so many jobs at a time, which together use so many
-/// threads.
+/// What `work` makes of every one of `jobs`, in their order. `(at_once, threads)`: at most `at_once` jobs at a time, which together
+/// use about `threads` threads.
 pub fn map_each<J: Send, R: Send>(
     jobs: impl ExactSizeIterator<Item = J> + Send,
     (at_once, threads): (usize, usize),

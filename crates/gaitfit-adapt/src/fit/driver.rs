@@ -304,8 +304,8 @@ impl<'a> Fit<'a> {
         Ok(Some(Generation { generation, evaluations, runs: reports }))
     }
 
-    /// Takes one step of every run of least squares among `active`; as many as there is memory for are simulated together. Returns
-    /// each run's number, the run after the step, and its report with the number of evaluations. The steps run on copies: if one is
+    /// Takes one step of every run of least squares among `active`. Simulates as many runs together as memory allows. Returns each
+    /// run's number, the run after the step, and its report with the number of evaluations. The steps run on copies: if one is
     /// cancelled, no run has moved.
     #[allow(clippy::type_complexity, reason = "a list of three")]
     fn least_squares_steps(

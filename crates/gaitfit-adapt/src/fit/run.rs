@@ -87,7 +87,7 @@ impl Run {
         }
     }
 
-    /// The candidates of the next generation; `None` of a run that finds its own, see [`Self::step`].
+    /// The candidates of the next generation; `None` of a run of least squares, see [`Self::least_squares`].
     pub fn ask(&mut self) -> Option<Vec<Vec<f64>>> {
         let By::CmaEs { search, asked } = &mut self.by else { return None };
         let population = search.ask();
@@ -96,7 +96,7 @@ impl Run {
         Some(candidates)
     }
 
-    /// Whether the run is one of least squares: it takes steps ([`Self::step`]) and asks for no candidates.
+    /// Whether the run is one of least squares: it asks for no candidates.
     pub fn is_least_squares(&self) -> bool {
         matches!(self.by, By::LeastSquares(_))
     }

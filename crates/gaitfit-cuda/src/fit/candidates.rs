@@ -8,8 +8,8 @@ use gaitfit_sim::pool;
 
 use super::scene::by_structure;
 use super::session::{Physics, Session};
-use super::{Begin, FitError, Numbers, Structure, Subject, Tables};
-use crate::runtime::{Device, Event, Stream};
+use super::{Begin, FitError, Numbers, Structure, Subject, Tables, Tracks};
+use crate::runtime::{Device, Event, HostBuffer, Stream};
 
 /// Max number of candidates whose signals are brought to the host at once.
 const MAX_SHOWN: usize = 64;
@@ -45,17 +45,6 @@ pub struct Parts {
     pub pieces: Vec<f64>,
 }
 
-/// Signals of a candidate on a recording.
-#[derive(Clone, Copy, Debug)]
-pub struct Tracks<'a> {
-    /// `samples × dimensions`, in the order of [`Tables::dimensions`].
-    pub rows: &'a [f32],
-    /// Numbers of a row.
-    pub dimensions: usize,
-    /// The sample of the fall.
-    pub fell_at: Option<usize>,
-}
-
 /// Simulates candidates on the recordings of some tables. Memory is taken at the first use, and a message says what does
 /// not fit; where not all candidates fit they are simulated in turn.
 pub struct Candidates {
@@ -67,6 +56,8 @@ pub struct Candidates {
     sessions: Vec<Session>,
     /// The physics of sessions that there were.
     known: Known,
+    /// Signals on the host.
+    shown: HostBuffer<f32>,
 }
 
 /// The physics of all structures so far. Candidates of one robot may share it.
@@ -90,7 +81,8 @@ impl Candidates {
     ) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
         let device = device.clone();
-        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new(), known })
+        let (sessions, shown) = (Vec::new(), HostBuffer::default());
+        Ok(Self { device, stream, tables, measured: None, threads, sessions, known, shown })
     }
 
     /// The number of its GPU.
@@ -253,13 +245,14 @@ impl Candidates {
                 self.tables = Arc::clone(tables);
                 // Logs of other sizes will hardly come again.
                 self.sessions.retain(|session| session.tables.has_sizes_of(tables));
-                match self.new_session(subject, example, room) {
-                    // The memory of the others may be enough.
-                    Err(_) if !self.sessions.is_empty() => {
-                        self.sessions.clear();
-                        self.new_session(subject, example, room)?
-                    }
-                    session => session?,
+                let made = self.new_session(subject, example, room);
+                let full = made.as_ref().is_ok_and(|&made| self.sessions[made].capacity() == room);
+                if !full && self.sessions.len() > usize::from(made.is_ok()) {
+                    // Again without the others' memory.
+                    self.sessions.clear();
+                    self.new_session(subject, example, room)?
+                } else {
+                    made?
                 }
             }
         };
@@ -270,7 +263,7 @@ impl Candidates {
         let session = &mut self.sessions[session];
         session.run(&self.stream, numbers, wanted)?;
         let now = shown.min(session.capacity());
-        let (signals, _) = session.read(&self.stream, now)?;
+        let (signals, _) = session.read(&self.stream, now, &mut self.shown)?;
         Ok((signals, now))
     }
 
@@ -296,7 +289,8 @@ impl Candidates {
                 let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
                 rest = later;
                 self.run(subject, session, now, jobs, begins)?;
-                let (signals, ends) = self.sessions[session].read(&self.stream, now.len())?;
+                let (signals, ends) =
+                    self.sessions[session].read(&self.stream, now.len(), &mut self.shown)?;
                 let lengths = &tables.lengths;
                 let size = tables.samples * dimensions;
                 pool::for_each(
@@ -422,8 +416,8 @@ impl Candidates {
     }
 }
 
-/// Room that a session of predictions has for `wanted` candidates: a little more, so that there are few sessions. Each computes its
-/// whole room, however few candidates it is given.
+/// Room that a session of predictions has for `wanted` candidates: rounded up by at most an eighth, so that similar numbers share a
+/// session. Each computes its whole room, however few candidates it is given.
 fn room(wanted: usize) -> usize {
     wanted.next_multiple_of((wanted.next_power_of_two() / 16).max(1))
 }

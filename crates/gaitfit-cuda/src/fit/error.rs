@@ -77,6 +77,14 @@ impl FitError {
         }
     }
 
+    /// Whether the GPU's memory was too small.
+    pub(super) fn is_memory(&self) -> bool {
+        match self {
+            Self::Cuda(error) | Self::Device(DeviceError::Cuda(error)) => error.is_memory(),
+            _ => false,
+        }
+    }
+
     /// Names the GPU, if it is the GPU's failure and not the candidates'.
     pub(super) fn on(self, ordinal: usize) -> Self {
         match self {

@@ -18,8 +18,9 @@ mod session;
 mod shares;
 mod tables;
 mod text;
+mod tracks;
 
-pub use candidates::{Candidates, Compared, Measured, Parts, Tracks};
+pub use candidates::{Candidates, Compared, Measured, Parts};
 pub use error::FitError;
 pub use multi_gpu::MultiGpu;
 pub use numbers::{Begin, Numbers, Readings};
@@ -27,3 +28,4 @@ pub use plan::{Plan, Sizes};
 pub use predictions::Predictions;
 pub use scene::{Scene, Structure, Subject};
 pub use tables::Tables;
+pub use tracks::Tracks;

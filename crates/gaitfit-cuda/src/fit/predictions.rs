@@ -14,8 +14,8 @@ use super::{Candidates, FitError, Numbers, Readings, Structure, Subject, Tables,
 use crate::runtime::Device;
 
 /// Predicts logs by candidates on a GPU. The robot must be the same in all calls. The logs may change from call to call: what is
-/// compiled and allocated for logs as many and as long stays. Several threads may call: each has candidates of its own, which the
-/// GPU computes side by side.
+/// compiled and allocated for logs as many and as long stays. Several threads may call. Up to eight use the GPU at the same time;
+/// others wait.
 pub struct Predictions {
     device: Device,
     threads: usize,
@@ -45,7 +45,7 @@ struct Places {
 /// A thread's place; free again when this is dropped.
 struct Place<'a> {
     predictions: &'a Predictions,
-    /// Gone after a failure.
+    /// `None` before the first use, and after a failure.
     candidates: Option<Candidates>,
 }
 
@@ -149,26 +149,28 @@ impl Predictions {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &Cancel<'_>,
     ) -> Result<usize, FitError> {
-        let mut place = self.place(batch)?;
+        let mut place = self.place(batch);
         if cancel() {
             return Err(FitError::Cancelled);
         }
-        if let Some(candidates) = &mut place.candidates
-            && let Ok((signals, count)) = batch.run(candidates)
-        {
+        let run = |place: &mut Place<'_>| -> Result<usize, FitError> {
+            let mut candidates = match place.candidates.take() {
+                Some(candidates) => candidates,
+                None => self.candidates(batch)?,
+            };
+            let (signals, count) = batch.run(&mut candidates)?;
             self.consume(batch, signals, count, consume);
-            return Ok(count);
+            place.candidates = Some(candidates);
+            Ok(count)
+        };
+        match run(&mut place) {
+            Err(error) if error.is_memory() => {
+                // Again without the memory that no thread uses.
+                self.places().free.clear();
+                run(&mut place).map_err(|_| error)
+            }
+            done => done,
         }
-        place.candidates = None;
-        drop(place);
-        // The memory of the others may be enough.
-        let mut places = self.wait(|places| places.taken == 0);
-        places.free.clear();
-        let mut candidates = self.candidates(batch)?;
-        let (signals, count) = batch.run(&mut candidates)?;
-        self.consume(batch, signals, count, consume);
-        places.free.push(candidates);
-        Ok(count)
     }
 
     fn consume(
@@ -181,7 +183,7 @@ impl Predictions {
         let Batch { subject, tables, .. } = batch;
         let (recordings, dimensions) = (tables.recordings(), subject.dimensions());
         let size = tables.samples * dimensions;
-        // Neighbouring pieces belong to different candidates: threads shall not wait for each other.
+        // Each candidate has a lock, so neighbouring pieces belong to different candidates.
         pool::for_each(
             count * recordings,
             self.threads,
@@ -196,31 +198,21 @@ impl Predictions {
     }
 
     /// A place for the calling thread, if possible with what `batch` needs.
-    fn place(&self, batch: &Batch<'_>) -> Result<Place<'_>, FitError> {
-        let mut places = self.wait(|places| places.taken < MAX_PLACES);
+    fn place(&self, batch: &Batch<'_>) -> Place<'_> {
+        let full = |places: &mut Places| places.taken >= MAX_PLACES;
+        let mut places = self.freed.wait_while(self.places(), full).unwrap_or_else(PoisonError::into_inner);
         let suits =
             |one: &Candidates| one.predicts(batch.subject, batch.tables, (batch.structure, batch.wanted));
         let suited = places.free.iter().rposition(suits).map(|at| places.free.remove(at));
-        let unused = |places: &mut Places| {
-            let full = places.taken + places.free.len() >= MAX_PLACES;
-            full.then(|| places.free.pop()).flatten()
-        };
-        let candidates = match suited.or_else(|| unused(&mut places)) {
-            Some(candidates) => candidates,
-            None => self.candidates(batch)?,
-        };
+        // The one that was used longest ago.
+        let other = |places: &mut Places| (!places.free.is_empty()).then(|| places.free.remove(0));
+        let candidates = suited.or_else(|| other(&mut places));
         places.taken += 1;
-        Ok(Place { predictions: self, candidates: Some(candidates) })
+        Place { predictions: self, candidates }
     }
 
     fn candidates(&self, batch: &Batch<'_>) -> Result<Candidates, FitError> {
         Candidates::sharing(&self.device, Arc::clone(batch.tables), self.threads, Arc::clone(&self.known))
-    }
-
-    /// The places, as soon as they are `ready`.
-    fn wait(&self, ready: impl Fn(&Places) -> bool) -> MutexGuard<'_, Places> {
-        let waiting = |places: &mut Places| !ready(places);
-        self.freed.wait_while(self.places(), waiting).unwrap_or_else(PoisonError::into_inner)
     }
 
     fn places(&self) -> MutexGuard<'_, Places> {

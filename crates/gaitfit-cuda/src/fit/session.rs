@@ -13,7 +13,7 @@ use crate::costs::{self, Comparison};
 use crate::emit::Class;
 use crate::physics::{Batch, Period};
 use crate::ppo::{Id, Launch, Storage, Stored};
-use crate::runtime::{Buffer, CudaError, Device, Graph, Kernel, Pinned, Stream};
+use crate::runtime::{Buffer, CudaError, Device, Graph, HostBuffer, Kernel, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
@@ -37,8 +37,6 @@ pub(super) struct Session {
     kernels: Vec<(&'static str, Kernel)>,
     comparison: Option<Comparison>,
     graph: Option<Graph>,
-    /// The signals that were read last, on the host.
-    shown: Option<Pinned<f32>>,
 }
 
 /// The physics of candidates of one structure, however many there are.
@@ -156,7 +154,6 @@ impl Session {
             kernels,
             comparison,
             graph: None,
-            shown: None,
         };
         session.write_tables(stream)?;
         Ok(session)
@@ -289,22 +286,19 @@ impl Session {
         }
     }
 
-    /// Signals of the first `candidates`, `candidates × recordings × samples × dimensions`, and where each recording ended.
-    pub fn read(&mut self, stream: &Stream, candidates: usize) -> Result<(&[f32], Vec<u32>), FitError> {
-        let mut shown = self.shown.take();
+    /// Copies the signals of the first `candidates` to `shown` and returns them, `candidates × recordings × samples × dimensions`.
+    /// With them, where each recording ended.
+    pub fn read<'a>(
+        &self,
+        stream: &Stream,
+        candidates: usize,
+        shown: &'a mut HostBuffer<f32>,
+    ) -> Result<(&'a [f32], Vec<u32>), FitError> {
         let Some((signals, ends)) = self.results() else { return Ok(Default::default()) };
         let count = candidates * (signals.len() / self.capacity().max(1));
-        let mut to = match shown.take() {
-            Some(there) if there.len() >= count => there,
-            // Two may be more than the system has.
-            smaller => {
-                drop(smaller);
-                Pinned::new(stream, count)?
-            }
-        };
-        signals.read_first(stream, &mut to[..count])?;
-        let ends = ends.read(stream)?;
-        Ok((&self.shown.insert(to)[..count], ends))
+        shown.reserve(stream, count);
+        signals.read_first(stream, &mut shown[..count])?;
+        Ok((&shown[..count], ends.read(stream)?))
     }
 
     /// Compares the candidates: distances of the first `distances` of them and of the first `compared` dimensions; sums of

@@ -132,6 +132,17 @@ pub enum CudaError {
     },
 }
 
+impl CudaError {
+    /// Whether the GPU's memory was too small: for a plan, or for an allocation, if another thread was faster.
+    pub(crate) fn is_memory(&self) -> bool {
+        match self {
+            Self::Memory { .. } => true,
+            Self::Call { reason, .. } => reason.contains("out of memory"),
+            _ => false,
+        }
+    }
+}
+
 /// A size in words: "3.2 GiB".
 pub fn bytes(count: u64) -> String {
     let units = ["KiB", "MiB", "GiB", "TiB"];

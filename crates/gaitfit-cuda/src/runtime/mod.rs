@@ -30,7 +30,7 @@
 //!   [`compile()`] does it without a GPU. [`Device::compile_ahead`] begins on threads of their own.
 //! - [`Module::kernel`] finds a kernel, [`Kernel::launch`] starts it. Arguments are buffers and numbers, `into()`.
 //! - [`Buffer`] checks free memory before it allocates; [`Device::check_room`] does it for a whole plan.
-//!   [`Pinned`] is memory of the host that a GPU copies to fast.
+//!   [`HostBuffer`] is memory of the host that a GPU copies to fast.
 //! - [`Stream`] orders work, [`Stream::record`] makes a [`Graph`] of it, [`Event`] takes times. A failure of a kernel
 //!   shows when the stream is waited for, and names the kernels since the last wait.
 #![allow(unsafe_code, reason = "calls of the driver and the compiler, each with its reason")]
@@ -42,10 +42,10 @@ mod device;
 mod driver;
 mod error;
 mod found;
+mod host;
 mod memory;
 mod module;
 mod nvrtc;
-mod pinned;
 pub mod search;
 mod stream;
 mod table;
@@ -56,8 +56,8 @@ pub use compile::{Compiled, Program, compile};
 pub use device::{Device, DeviceInfo, Visit};
 pub use error::{CudaError, bytes};
 pub use found::{Found, find};
+pub use host::HostBuffer;
 pub use memory::{Buffer, Number};
 pub use module::{Argument, Kernel, Module, Shape};
 pub use nvrtc::{Image, Nvrtc};
-pub use pinned::Pinned;
 pub use stream::{Event, Graph, Stream};

@@ -153,9 +153,9 @@ impl Anatomy {
         self.legs.len() == 2
     }
 
-    /// Whether it walks on two legs with soles, so that it can stand without steps.
+    /// Whether it walks on two legs with soles, so that it can stand without steps. Wheels are no soles.
     pub fn stands_on_soles(&self) -> bool {
-        self.biped() && self.legs.iter().all(|leg| leg.sole)
+        self.biped() && self.wheels.is_empty() && self.legs.iter().all(|leg| leg.sole)
     }
 
     /// How the feet were found.

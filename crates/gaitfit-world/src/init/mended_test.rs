@@ -294,7 +294,7 @@ fn iterations_are_written_over_those_of_two_legs_and_beside_the_task_of_four() {
 }
 
 #[test]
-fn two_legs_with_soles_are_paid_for_standing_and_points_for_steps_on_the_spot() {
+fn soles_are_paid_for_standing_and_point_feet_for_the_step_clock() {
     for (soles, steps) in [(true, 3.0), (false, 0.0)] {
         let (_folder, file) = package(&walker(&TWO, soles, 20.0), true);
         let settings = prepare(&file, Preparation::default()).unwrap().look.settings;
@@ -302,6 +302,13 @@ fn two_legs_with_soles_are_paid_for_standing_and_points_for_steps_on_the_spot() 
         assert_eq!((weight("steps"), weight("step_clock")), (steps, 3.0 - steps));
         assert_eq!(weight("stand_still") < 0.0, soles);
         assert_eq!(settings.terms.contains_key("steps"), soles);
+        // While it walks, the term is the built-in one.
+        let clock =
+            gaitfit_learn::task::reward::TERMS.iter().find(|term| term.name == "step_clock").unwrap().text;
+        let plain = |text: &str| text.split_whitespace().collect::<String>();
+        if let Some(steps) = settings.terms.get("steps") {
+            assert!(plain(steps).contains(&plain(clock)), "{steps}");
+        }
     }
 }
 

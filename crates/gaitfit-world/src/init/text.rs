@@ -12,8 +12,8 @@ const BIPED_ITERATIONS: u32 = 2000;
 /// Share of zero commands of a robot on two legs. With the built-in share, three of five trainings of a G1 drifted when they were
 /// to stand.
 const BIPED_STANDING: f64 = 0.15;
-/// Term for robots that can stand on their soles: the gait clock of `step_clock` while walking, feet on the ground while standing.
-/// Robots that step on the spot drift: five of five trainings of a G1 did.
+/// Term for robots that can stand on their soles: `step_clock` while they walk, feet on the ground while they stand. Robots that step
+/// on the spot drift: five of five trainings of a G1 did.
 const STEPS: &str = "select(walking, \
     sum(gait_group >= 0 and contact == ((clock < 0.5) == (gait_group / 2 == floor(gait_group / 2)))) / max(sum(gait_group >= 0), 1), \
     2 * mean(contact) - 1)";
@@ -289,8 +289,7 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
         ]
     };
     let rolls = !anatomy.wheels.is_empty();
-    let unknown = |name: &str| name == "steps" && !stands;
-    let left_out = |name: &str| unknown(name) || rolls && OF_STEPS.contains(&name);
+    let left_out = |name: &str| name == "steps" && !stands || rolls && OF_STEPS.contains(&name);
     for (name, weight, factor) in scaled.iter().filter(|(name, ..)| !left_out(name)) {
         let _ = writeln!(text, "{name} = {:?}", tidy(weight * factor));
     }

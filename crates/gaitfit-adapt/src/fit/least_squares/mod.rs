@@ -286,42 +286,30 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
 
 /// As [`around`] of several points, which are simulated together.
 fn around_all(points: &[(Problem<'_>, &[f64])]) -> Result<Vec<Option<Around>>, FitError> {
-    let neighbourhoods: Vec<Neighbourhood> =
-        points.iter().map(|(problem, values)| Neighbourhood::new(problem.theta, values)).collect();
-    let mut exact = Vec::with_capacity(points.len());
-    for ((problem, values), near) in points.iter().zip(&neighbourhoods) {
-        problem.check(problem.differences()?.count(), near.candidates.len())?;
-        exact.push(problem.derivatives(values)?);
-    }
-    let asked: Vec<(Problem<'_>, &[Vec<f64>])> = points
-        .iter()
-        .zip(neighbourhoods.iter().zip(&exact))
-        .map(|((problem, _), (near, exact))| {
-            let first = if exact.is_some() { 1 } else { near.candidates.len() };
-            (*problem, &near.candidates[..first])
-        })
-        .collect();
-    let simulated = residuals(&asked)?.into_iter().zip(exact);
-    let one = |((problem, _), (near, (residuals, exact))): ((&Problem<'_>, _), (_, (_, _)))| {
-        around_one(problem, near, residuals, exact)
-    };
-    let known = neighbourhoods.iter().zip(simulated);
-    points.iter().map(|(problem, values)| (problem, values)).zip(known).map(one).collect()
+    let near = points.iter().map(|(problem, values)| Neighbourhood::new(*problem, values));
+    let near = near.collect::<Result<Vec<_>, _>>()?;
+    let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
+        near.iter().map(|near| (near.problem, near.simulated())).collect();
+    let simulated = residuals(&asked)?;
+    near.into_iter().zip(simulated).map(|(near, residuals)| near.around(residuals)).collect()
 }
 
 /// A point and its neighbours.
-struct Neighbourhood {
+struct Neighbourhood<'a> {
+    problem: Problem<'a>,
     /// The point, and behind it the two neighbours of each entry.
     candidates: Vec<Vec<f64>>,
     /// How far these two are apart.
     steps: Vec<f64>,
+    /// The simulator's own derivatives at the point: its neighbours are not needed then.
+    exact: Option<Vec<Column>>,
 }
 
-impl Neighbourhood {
-    fn new(theta: &Theta, values: &[f64]) -> Self {
+impl<'a> Neighbourhood<'a> {
+    fn new(problem: Problem<'a>, values: &[f64]) -> Result<Self, FitError> {
         let mut candidates = vec![values.to_vec()];
         let mut steps = Vec::with_capacity(values.len());
-        for (at, entry) in theta.entries().iter().enumerate() {
+        for (at, entry) in problem.theta.entries().iter().enumerate() {
             let room = 0.5 * (entry.upper - entry.lower);
             let probe = (PROBE * entry.deviation).min(room);
             let mut at_most = |to: f64| {
@@ -332,31 +320,33 @@ impl Neighbourhood {
             };
             steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
         }
-        Self { candidates, steps }
+        problem.check(problem.differences()?.count(), candidates.len())?;
+        let exact = problem.derivatives(values)?;
+        Ok(Self { problem, candidates, steps, exact })
     }
-}
 
-/// [`around`], from the differences of the point and its neighbours, or of the point alone and `exact` derivatives.
-fn around_one(
-    problem: &Problem<'_>,
-    near: &Neighbourhood,
-    residuals: Vec<Option<Residuals>>,
-    exact: Option<Vec<Column>>,
-) -> Result<Option<Around>, FitError> {
-    let (width, threads) = (problem.differences()?.width(), problem.simulator.threads());
-    let all: Option<Vec<Residuals>> = residuals.into_iter().collect();
-    let mut all = all.into_iter().flatten();
-    let Some(residuals) = all.next() else { return Ok(None) };
-    if let Some(columns) = exact {
-        let jacobian = Jacobian::exact(columns, width);
-        return Ok(Some(Around { residuals, jacobian, evaluations: near.candidates.len().div_ceil(2) }));
+    /// The candidates that must be simulated.
+    fn simulated(&self) -> &[Vec<f64>] {
+        if self.exact.is_some() { &self.candidates[..1] } else { &self.candidates }
     }
-    let mut pairs = Vec::with_capacity(near.steps.len());
-    while let (Some(up), Some(down)) = (all.next(), all.next()) {
-        pairs.push((up, down, near.steps[pairs.len()]));
+
+    /// [`around`], from the differences of the candidates that were simulated.
+    fn around(self, residuals: Vec<Option<Residuals>>) -> Result<Option<Around>, FitError> {
+        let (width, threads) = (self.problem.differences()?.width(), self.problem.simulator.threads());
+        let all: Option<Vec<Residuals>> = residuals.into_iter().collect();
+        let mut all = all.into_iter().flatten();
+        let Some(residuals) = all.next() else { return Ok(None) };
+        if let Some(columns) = self.exact {
+            let jacobian = Jacobian::exact(columns, width);
+            return Ok(Some(Around { residuals, jacobian, evaluations: 1 + self.steps.len() }));
+        }
+        let mut pairs = Vec::with_capacity(self.steps.len());
+        while let (Some(up), Some(down)) = (all.next(), all.next()) {
+            pairs.push((up, down, self.steps[pairs.len()]));
+        }
+        let jacobian = Jacobian::new(pairs, width, threads);
+        Ok(Some(Around { residuals, jacobian, evaluations: self.candidates.len() }))
     }
-    let jacobian = Jacobian::new(pairs, width, threads);
-    Ok(Some(Around { residuals, jacobian, evaluations: near.candidates.len() }))
 }
 
 /// Entries that may move: all but those on a bound beyond which the loss falls.

@@ -87,7 +87,7 @@ impl Jacobian {
         let column = |(up, down, step): (Residuals, Residuals, f64)| {
             // An entry without room to move has no derivative.
             let inverse = if step == 0.0 { 0.0 } else { (1.0 / step) as f32 };
-            // The memory is there already.
+            // Reuses the memory of `up`.
             let mut recordings = up.recordings;
             for (up, down) in recordings.iter_mut().zip(&down.recordings) {
                 up.iter_mut().zip(down).for_each(|(up, down)| *up = (*up - down) * inverse);
