@@ -154,12 +154,12 @@ impl GaussNewton {
         Ok(step(&mut [(self, *problem)], generations, tolerance)?.pop().flatten())
     }
 
-    /// Values that a step may lead to, with the damping of each.
-    fn trials(&self, theta: &Theta, slopes: &Slopes) -> Vec<(f64, Vec<f64>)> {
+    /// Where a step may lead to.
+    fn trials(&self, theta: &Theta, slopes: &Slopes) -> Vec<Trial> {
         let dampings = DAMPINGS.iter().map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING));
         let trial = |damping: f64| {
             let step = slopes.normal.step(damping, &slopes.free)?;
-            Some((damping, moved(theta, &self.values, step.iter())))
+            Some(Trial { damping, values: moved(theta, &self.values, step.iter()) })
         };
         dampings.filter_map(trial).collect()
     }
@@ -169,7 +169,7 @@ impl GaussNewton {
         &mut self,
         theta: &Theta,
         slopes: &Slopes,
-        (trials, tried): (&[(f64, Vec<f64>)], &[Option<Residuals>]),
+        (trials, tried): (&[Trial], &[Option<Residuals>]),
         (generations, tolerance): (usize, f64),
     ) -> Stepped {
         let Slopes { here, loss, normal, free } = slopes;
@@ -193,7 +193,7 @@ impl GaussNewton {
         let accepted = lowest.filter(|(_, lowest)| *lowest < before * (1.0 - PROGRESS));
         match accepted.and_then(|(at, _)| Some((at, tried[at].as_ref()?))) {
             Some((at, residuals)) => {
-                let (damping, values) = &trials[at];
+                let Trial { damping, values } = &trials[at];
                 // The step that no damping shortens says how far the end is.
                 let whole = normal.step(MIN_DAMPING, free);
                 let left = whole.map(|step| moved(theta, &self.values, step.iter()));
@@ -218,6 +218,12 @@ impl GaussNewton {
             Some(Best { x: self.values.clone(), cost: stepped.cost, generation: self.generation - 1 });
         stepped
     }
+}
+
+/// Values that a step may lead to, and its damping.
+struct Trial {
+    damping: f64,
+    values: Vec<f64>,
 }
 
 /// The equations of a step.
@@ -252,7 +258,7 @@ pub(super) fn step(
     let around = around_all(&points)?.into_iter().zip(&points);
     let slopes: Vec<Option<Slopes>> =
         around.map(|(here, (problem, values))| Some(Slopes::new(problem, values, here?))).collect();
-    let trials: Vec<Vec<(f64, Vec<f64>)>> = searches
+    let trials: Vec<Vec<Trial>> = searches
         .iter()
         .zip(&slopes)
         .map(|((search, problem), slopes)| {
@@ -260,7 +266,7 @@ pub(super) fn step(
         })
         .collect();
     let candidates: Vec<Vec<Vec<f64>>> =
-        trials.iter().map(|trials| trials.iter().map(|(_, values)| values.clone()).collect()).collect();
+        trials.iter().map(|trials| trials.iter().map(|one| one.values.clone()).collect()).collect();
     let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
         searches.iter().zip(&candidates).map(|((_, problem), all)| (*problem, all.as_slice())).collect();
     let tried = residuals(&asked)?;
