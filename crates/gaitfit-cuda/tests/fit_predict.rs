@@ -205,8 +205,9 @@ fn numbers_are_repeated() {
         numbers.predicting(&jobs, &readings, 1)
     };
     let three = numbers(&[0.1, 0.2, 0.3]);
-    assert_eq!(three.clone().repeated(3, 5), numbers(&[0.1, 0.2, 0.3, 0.1, 0.2]));
-    assert_eq!(three.repeated(3, 2), numbers(&[0.1, 0.2]));
+    assert_eq!(*three.repeated(3, 5), numbers(&[0.1, 0.2, 0.3, 0.1, 0.2]));
+    assert_eq!(*three.repeated(3, 3), three);
+    assert_eq!(*three.repeated(3, 2), numbers(&[0.1, 0.2]));
 }
 
 #[test]

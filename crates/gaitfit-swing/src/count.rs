@@ -20,13 +20,13 @@ impl<'a, 'b> Count<'a, 'b> {
         Self { done: 0, total, progress, stopped: false }
     }
 
-    /// Does this many regressions, as many at a time as there are threads. Each gets its number and its share of the threads.
+    /// Does this many regressions, as many at a time as there are threads. Each gets its number.
     /// After the caller stopped, it does no more.
     pub(crate) fn map<T: Send>(
         &mut self,
         regressions: usize,
         threads: usize,
-        regression: impl Fn(usize, usize) -> Option<T> + Sync,
+        regression: impl Fn(usize) -> Option<T> + Sync,
     ) -> Vec<Option<T>> {
         let mut results = Vec::with_capacity(regressions);
         while results.len() < regressions {
@@ -34,7 +34,7 @@ impl<'a, 'b> Count<'a, 'b> {
             let count = threads.clamp(1, regressions - first);
             self.stopped = self.stopped || (self.progress)(self.done, self.total).is_break();
             let one = |number: usize| {
-                if self.stopped { None } else { regression(first + number, (threads / count).max(1)) }
+                if self.stopped { None } else { regression(first + number) }
             };
             results.extend(gaitfit_pool::map(count, threads, one));
             self.done = (self.done + count).min(self.total);

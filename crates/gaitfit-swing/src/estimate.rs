@@ -131,9 +131,9 @@ impl Choice {
         };
         let every = if all { 1 } else { CLEARANCE_STRIDE };
         let tried: Vec<usize> = (0..settings.clearances_m.len()).step_by(every).collect();
-        let fits = count.map(tried.len(), settings.threads, |number, threads| {
+        let fits = count.map(tried.len(), settings.threads, |number| {
             let clearance = tried[number];
-            let (law, fit) = Fit::best(windows, &groups, settings, clearance, laws.clone(), around, threads)?;
+            let (law, fit) = Fit::best(windows, &groups, settings, clearance, laws.clone(), around)?;
             Some(Self { clearance, law, fit })
         });
         let mut choices: Vec<Self> = fits.into_iter().flatten().collect();
@@ -173,9 +173,9 @@ impl Choice {
         if settings.law.is_none() {
             choices.push((windows, self.clearance, 1 - self.law));
         }
-        let fits = count.map(choices.len(), settings.threads, |number, threads| {
+        let fits = count.map(choices.len(), settings.threads, |number| {
             let (windows, clearance, law) = choices[number];
-            Fit::best(windows, groups, settings, clearance, law..law + 1, around, threads)
+            Fit::best(windows, groups, settings, clearance, law..law + 1, around)
         });
         let fits = fits.into_iter().flatten().map(|(_, fit)| fit);
         let others: Vec<Fit> = std::iter::once(self.fit.unbounded()).chain(fits).collect();

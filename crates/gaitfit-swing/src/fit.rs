@@ -98,21 +98,21 @@ impl Fit {
         clearance: usize,
         laws: Range<usize>,
         around: Option<f64>,
-        threads: usize,
     ) -> Option<(usize, Self)> {
         let alone = |law: usize| Alone::new(windows, named, settings, clearance, law, around);
         let mut tried: Vec<Alone<'_>> = laws.filter_map(alone).collect();
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        tried.into_iter().find_map(|alone| Some((alone.law, Self::new(alone, settings, threads)?)))
+        tried.into_iter().find_map(|alone| Some((alone.law, Self::new(alone, settings)?)))
     }
 
-    fn new(alone: Alone<'_>, settings: &SwingSettings, threads: usize) -> Option<Self> {
+    fn new(alone: Alone<'_>, settings: &SwingSettings) -> Option<Self> {
         let Alone { names, groups, delay, solutions, .. } = alone;
         let block = |window: &Window| block(window.log, window.at);
         let logs: BTreeSet<usize> =
             groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
         let log = |window: &Window| window.log as u64;
         let kinds: &[&dyn Fn(&Window) -> u64] = if logs.len() >= LOGS { &[&block, &log] } else { &[&block] };
+        let threads = settings.threads;
         let free = together(&groups, &solutions, delay, kinds, &[], threads)?;
         let mut first = vec![0];
         for group in &groups {

@@ -206,17 +206,17 @@ impl Candidates {
     }
 
     /// Whether a session is there for predictions of `wanted` candidates of this structure on the recordings of `tables`.
-    pub(super) fn predicts(
+    pub(super) fn has_prediction_session(
         &self,
         subject: Subject<'_>,
         tables: &Tables,
         (structure, wanted): (&Structure, usize),
     ) -> bool {
-        self.predicting(tables, structure, room(wanted.min(shown(subject, tables)))).is_some()
+        self.prediction_session(tables, structure, room(wanted.min(shown(subject, tables)))).is_some()
     }
 
     /// Number of the session for predictions.
-    fn predicting(&self, tables: &Tables, structure: &Structure, room: usize) -> Option<usize> {
+    fn prediction_session(&self, tables: &Tables, structure: &Structure, room: usize) -> Option<usize> {
         self.sessions.iter().position(|session| {
             session.physics.structure == *structure
                 && session.asked == room
@@ -234,12 +234,12 @@ impl Candidates {
         subject: Subject<'_>,
         tables: &Arc<Tables>,
         example: &Job,
-        (numbers, wanted): (Numbers, usize),
+        (numbers, wanted): (&Numbers, usize),
     ) -> Result<(&[f32], usize), FitError> {
         let structure = Structure::new(&example.candidate);
         let shown = wanted.min(shown(subject, tables));
         let room = room(shown);
-        let session = match self.predicting(tables, &structure, room) {
+        let session = match self.prediction_session(tables, &structure, room) {
             Some(there) => there,
             None => {
                 self.tables = Arc::clone(tables);
@@ -379,7 +379,7 @@ impl Candidates {
             let begins: Vec<&[Begin]> = now.iter().map(|&job| begins[job].as_slice()).collect();
             numbers = numbers.beginning(&begins);
         }
-        session.run(&self.stream, numbers, chosen.len())
+        session.run(&self.stream, &numbers, chosen.len())
     }
 
     /// Registers and bytes of local memory of each kernel of the sessions so far, and the bytes of the GPU's memory.

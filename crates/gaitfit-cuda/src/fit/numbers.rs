@@ -1,5 +1,7 @@
 //! What of candidates goes to the GPU.
 
+use std::borrow::Cow;
+
 use gaitfit_policy::follow::{Job, start_number};
 use gaitfit_policy::predict;
 use gaitfit_policy::walker::Walker;
@@ -122,26 +124,26 @@ impl Numbers {
 impl Numbers {
     /// These numbers of `jobs` candidates, repeated or cut until there are `count`: a session computes all that it has room for.
     #[must_use]
-    pub fn repeated(self, jobs: usize, count: usize) -> Self {
-        fn repeat<T: Clone>(numbers: Vec<T>, jobs: usize, count: usize) -> Vec<T> {
-            if jobs == count {
-                return numbers;
-            }
+    pub fn repeated(&self, jobs: usize, count: usize) -> Cow<'_, Self> {
+        fn repeat<T: Clone>(numbers: &[T], jobs: usize, count: usize) -> Vec<T> {
             let each = numbers.len() / jobs.max(1);
-            numbers.into_iter().cycle().take(each * count).collect()
+            numbers.iter().cycle().take(each * count).cloned().collect()
         }
-        Self {
-            params: repeat(self.params, jobs, count),
-            factors: repeat(self.factors, jobs, count),
-            every: repeat(self.every, jobs, count),
-            seeds: repeat(self.seeds, jobs, count),
-            begins: repeat(self.begins, jobs, count),
-            starts: repeat(self.starts, jobs, count),
-            trust: repeat(self.trust, jobs, count),
-            deviation: repeat(self.deviation, jobs, count),
-            imus: repeat(self.imus, jobs, count),
-            weights: repeat(self.weights, jobs, count),
+        if jobs == count {
+            return Cow::Borrowed(self);
         }
+        Cow::Owned(Self {
+            params: repeat(&self.params, jobs, count),
+            factors: repeat(&self.factors, jobs, count),
+            every: repeat(&self.every, jobs, count),
+            seeds: repeat(&self.seeds, jobs, count),
+            begins: repeat(&self.begins, jobs, count),
+            starts: repeat(&self.starts, jobs, count),
+            trust: repeat(&self.trust, jobs, count),
+            deviation: repeat(&self.deviation, jobs, count),
+            imus: repeat(&self.imus, jobs, count),
+            weights: repeat(&self.weights, jobs, count),
+        })
     }
 }
 

@@ -201,8 +201,9 @@ impl Predictions {
     fn place(&self, batch: &Batch<'_>) -> Place<'_> {
         let full = |places: &mut Places| places.taken >= MAX_PLACES;
         let mut places = self.freed.wait_while(self.places(), full).unwrap_or_else(PoisonError::into_inner);
-        let suits =
-            |one: &Candidates| one.predicts(batch.subject, batch.tables, (batch.structure, batch.wanted));
+        let suits = |one: &Candidates| {
+            one.has_prediction_session(batch.subject, batch.tables, (batch.structure, batch.wanted))
+        };
         let suited = places.free.iter().rposition(suits).map(|at| places.free.remove(at));
         // The one that was used longest ago.
         let other = |places: &mut Places| (!places.free.is_empty()).then(|| places.free.remove(0));
@@ -223,6 +224,6 @@ impl Predictions {
 impl Batch<'_> {
     /// The signals of the first candidates, and of how many they are.
     fn run<'a>(&self, candidates: &'a mut Candidates) -> Result<(&'a [f32], usize), FitError> {
-        candidates.predict(self.subject, self.tables, self.example, (self.numbers.clone(), self.wanted))
+        candidates.predict(self.subject, self.tables, self.example, (&self.numbers, self.wanted))
     }
 }

@@ -209,7 +209,7 @@ impl Session {
     }
 
     /// Starts the simulation of `candidates` candidates with these numbers on all recordings.
-    pub fn run(&mut self, stream: &Stream, numbers: Numbers, candidates: usize) -> Result<(), FitError> {
+    pub fn run(&mut self, stream: &Stream, numbers: &Numbers, candidates: usize) -> Result<(), FitError> {
         let numbers = numbers.repeated(candidates, self.capacity());
         self.write(stream, "numbers", &numbers.params)?;
         self.write(stream, "factors", &numbers.factors)?;

@@ -12,7 +12,7 @@ pub struct Tracks<'a> {
 }
 
 impl Tracks<'_> {
-    /// Of predictions: joint positions and velocities, `samples × joints` each.
+    /// Splits the signals of a prediction into joint positions, rad, and joint velocities, rad/s: `samples × joints` each.
     pub fn joints(&self) -> (Vec<f32>, Vec<f32>) {
         let [mut position, mut velocity] = [(); 2].map(|()| Vec::with_capacity(self.rows.len() / 2));
         for row in self.rows.chunks_exact(self.dimensions.max(1)) {

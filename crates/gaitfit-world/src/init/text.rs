@@ -4,6 +4,7 @@ use super::anatomy::Anatomy;
 use super::gains::Gains;
 use super::pose::Pose;
 use super::sizes::{Sizes, digits, tidy};
+use gaitfit_learn::task::reward::TERMS;
 use gaitfit_model::{JointKind, Model};
 use std::fmt::Write as _;
 
@@ -12,11 +13,6 @@ const BIPED_ITERATIONS: u32 = 2000;
 /// Share of zero commands of a robot on two legs. With the built-in share, three of five trainings of a G1 drifted when they were
 /// to stand.
 const BIPED_STANDING: f64 = 0.15;
-/// Term for robots that can stand on their soles: `step_clock` while they walk, feet on the ground while they stand. Robots that step
-/// on the spot drift: five of five trainings of a G1 did.
-const STEPS: &str = "select(walking, \
-    sum(gait_group >= 0 and contact == ((clock < 0.5) == (gait_group / 2 == floor(gait_group / 2)))) / max(sum(gait_group >= 0), 1), \
-    2 * mean(contact) - 1)";
 
 /// Share of the base's own mass that randomised robots may lack.
 const MIN_SHARE: f64 = 0.5;
@@ -252,7 +248,7 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     if stands {
         let _ = writeln!(text, "\n[task.terms]");
         let _ = writeln!(text, "# Steps by the clock while walking, both feet on the ground while standing.");
-        let _ = writeln!(text, "steps = {}", quoted(STEPS));
+        let _ = writeln!(text, "steps = {}", quoted(&steps_or_stands()));
     }
     let _ = writeln!(text, "\n[task.rewards]                   # the built-in weights in this robot's units");
     let scaled: &[(&str, f64, f64)] = if anatomy.biped() {
@@ -296,6 +292,13 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     for (index, name) in OF_STEPS.iter().enumerate().filter(|_| rolls) {
         line(text, name, float(0.0), if index == 0 { "wheels roll: steps are not paid for" } else { "" });
     }
+}
+
+/// A term for robots that can stand on their soles: `step_clock` while they walk, feet on the ground while they stand. Robots that
+/// step on the spot drift: five of five trainings of a G1 did.
+fn steps_or_stands() -> String {
+    let clock = TERMS.iter().find(|term| term.name == "step_clock").map_or("0", |term| term.text);
+    format!("select(walking, {clock}, 2 * mean(contact) - 1)")
 }
 
 /// Reward terms that pay for steps, or fine a foot that moves on the ground.

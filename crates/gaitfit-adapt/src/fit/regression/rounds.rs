@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// The rounds end when a round's standard deviations are, on the mean, more than this times those of the round before: the
-/// round has gained little.
+/// Max mean ratio of a round's standard deviations to those of the round before. A larger ratio ends the rounds, because the last
+/// one gained little.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;

@@ -331,17 +331,13 @@ impl World<'_> {
             .recorder
             .record(&self.theta, robots, &|| self.watch.stop())
             .map_err(|error| format!("The robot cannot be simulated: {error}."))?;
-        let settings = SwingSettings {
-            threads: (self.robot.threads / recorded.len().max(1)).max(1),
-            ..self.settings.clone()
-        };
         let sets: Vec<Mutex<Vec<Recorded>>> = recorded.into_iter().map(Mutex::new).collect();
         let reports = pool::map(sets.len(), self.robot.threads, |at| {
             if self.watch.stop() {
                 return Ok(None);
             }
             let set = std::mem::take(&mut *sets[at].lock().unwrap_or_else(PoisonError::into_inner));
-            let report = self.observe_one(set, &settings, effects);
+            let report = self.observe_one(set, effects);
             self.counting.step(self.done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
             report
         });
@@ -363,12 +359,7 @@ impl World<'_> {
         })
     }
 
-    fn observe_one(
-        &self,
-        set: Vec<Recorded>,
-        settings: &SwingSettings,
-        effects: bool,
-    ) -> Result<Option<SwingReport>, String> {
+    fn observe_one(&self, set: Vec<Recorded>, effects: bool) -> Result<Option<SwingReport>, String> {
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
         let pairs = self.logs.iter().zip(set);
         let walked = pairs
@@ -378,7 +369,7 @@ impl World<'_> {
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
-        let Ok((report, shown)) = shown(self.robot.model, &walked, settings, effects) else {
+        let Ok((report, shown)) = shown(self.robot.model, &walked, &self.settings, effects) else {
             return Ok(None);
         };
         if !groups_of(&report).eq(self.groups.iter().map(String::as_str)) {
