@@ -5,6 +5,7 @@ mod common;
 mod compiler;
 mod costs;
 mod device;
+mod evaluation_device;
 mod fit_device;
 mod fit_host;
 mod fit_predict;

@@ -5,7 +5,7 @@ use crate::task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::{
-    Subject, Trial, crossing_periods, crossings, drift, drift_periods, record_gait, run_trials, summarise,
+    Subject, Trial, crossing_size, crossings, drift, drift_periods, record_gait, run_trials, summarise,
 };
 use gaitfit_learn::task::{Kinds, Task, TaskError, TaskSettings, TerrainKind, TerrainSettings};
 use gaitfit_policy::Policy;
@@ -45,7 +45,7 @@ fn robots_that_diverge_are_falls_and_told() {
     let summary = summarise(&trials);
     assert_eq!((summary.trajectories, summary.diverged, mean(summary.fall_rate)), (3, 3, 1.0));
     assert_eq!((summary.reward, summary.linear_velocity_error), (None, None));
-    for trial in drift(&subject(&scene, &policy), 2, None).unwrap() {
+    for trial in drift(&subject(&scene, &policy), 2, None, 1).unwrap() {
         assert_eq!((trial.diverged, mean(trial.fall_rate), trial.x), (2, 1.0, None), "{}", trial.name);
     }
 }
@@ -100,6 +100,7 @@ fn threads_change_no_bit() {
     // More than one tile of 256.
     let once = run_trials(&subject, 261, 0.1, 1).unwrap();
     assert!(once == run_trials(&subject, 261, 0.1, 3).unwrap());
+    assert!(drift(&subject, 2, None, 1).unwrap() == drift(&subject, 2, None, 3).unwrap());
     // Nor do the trajectories beside it; noise and seed do.
     assert!(once[..20] == run_trials(&subject, 20, 0.1, 1).unwrap());
     let other = Subject { candidate: None, ..subject };
@@ -116,7 +117,7 @@ fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
     type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
     let stages: [(&str, Stage<'_>); 4] = [
         ("trials", &|subject| run_trials(subject, 600, 10.0, 1).map(drop)),
-        ("drift", &|subject| drift(subject, 100, None).map(drop)),
+        ("drift", &|subject| drift(subject, 100, None, 2).map(drop)),
         ("gait", &|subject| record_gait(subject, &[(10.0, [0.0; 3])]).map(drop)),
         ("logs", &|subject| collect(subject, &logs, 1).map(drop)),
     ];
@@ -142,8 +143,15 @@ fn every_control_period_of_a_robot_is_counted_once() {
     type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
     let stages: [(&str, usize, Stage<'_>); 4] = [
         ("trials", 70 * 5, &|subject| run_trials(subject, 70, 0.1, 2).map(drop)),
-        ("drift", drift_periods(&scene, 2), &|subject| drift(subject, 2, None).map(drop)),
-        ("crossings", crossing_periods(&scene, 4, 2.0), &|subject| crossings(subject, 4, 2.0, 2).map(drop)),
+        ("drift", drift_periods(&scene, 2), &|subject| drift(subject, 2, None, 2).map(drop)),
+        (
+            "crossings",
+            {
+                let (count, steps) = crossing_size(&scene, 4, 2.0);
+                count * steps as usize
+            },
+            &|subject| crossings(subject, 4, 2.0, 2).map(drop),
+        ),
         ("logs", logs.periods(0.02), &|subject| collect(subject, &logs, 2).map(drop)),
     ];
     for policy in [constant_policy(&scene, &STILL), constant_policy(&scene, &nose_dive())] {
@@ -193,8 +201,8 @@ fn a_standing_policy_drifts_by_minus_the_command() {
     task.start.tilt = 2.0;
     let scene = scene(&task);
     let policy = constant_policy(&scene, &STILL);
-    let trials = drift(&subject(&scene, &policy), 4, None).unwrap();
-    let asked = drift(&subject(&scene, &policy), 1, Some([1.0, 0.5, 0.3925])).unwrap();
+    let trials = drift(&subject(&scene, &policy), 4, None, 1).unwrap();
+    let asked = drift(&subject(&scene, &policy), 1, Some([1.0, 0.5, 0.3925]), 2).unwrap();
     let commands: Vec<[f64; 3]> = asked.iter().map(|trial| trial.command).collect();
     assert_eq!(commands[1..4], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.5, 0.0]]);
     assert_eq!(commands[6], [0.0, 0.0, -0.3925]);

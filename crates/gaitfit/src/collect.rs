@@ -1,7 +1,7 @@
 //! Logs of a policy in a simulator.
 
 use crate::Error;
-use crate::device::{self, Device};
+use crate::device::{self, Device, Gpu};
 use crate::excite::playlist::{self, Sequence};
 use crate::log_folder::LogWriter;
 use crate::run::Owned;
@@ -170,10 +170,11 @@ pub(crate) fn walks(
     let cancel = || watch.stop();
     watch.shared(amount(subject, options), |moved| {
         let subject = Subject { cancel: Some(&cancel), moved: Some(moved), ..*subject };
-        match on_gpu(&subject, options, device, watch)? {
-            Some(logs) => Ok(logs),
-            None => Ok(gaitfit_learn::collect::collect(&subject, options, threads)?),
-        }
+        device.run(
+            watch,
+            |gpu| on_gpu(gpu, &subject, options, &cancel),
+            || Ok(gaitfit_learn::collect::collect(&subject, options, threads)?),
+        )
     })
 }
 
@@ -196,33 +197,23 @@ fn write_walks(
     watch.shared(amount(subject, options), |moved| {
         let subject = Subject { cancel: Some(&cancel), moved: Some(moved), ..*subject };
         let put = |number, log| writer.put(number, &log);
-        match on_gpu(&subject, options, device, watch)? {
-            Some(logs) => writer.put_all(&logs),
-            None => gaitfit_learn::collect::collect_each(&subject, options, threads, put),
-        }
+        device.run(
+            watch,
+            |gpu| writer.put_all(&on_gpu(gpu, &subject, options, &cancel)?),
+            || gaitfit_learn::collect::collect_each(&subject, options, threads, put),
+        )
     })
 }
 
-/// Logs from a GPU; `None` if the CPU is to simulate them.
+/// Logs from a GPU. One that was stopped has none.
 fn on_gpu(
+    gpu: &Gpu,
     subject: &Subject<'_>,
     options: &CollectOptions,
-    device: Device,
-    watch: &Watch<'_>,
-) -> Result<Option<Vec<Recording>>, Error> {
-    let Some(gpu) = device.open()? else { return Ok(None) };
-    match device::collect(&gpu, subject, options, &|| watch.stop()) {
-        // A GPU that was stopped has no logs.
-        Ok(_) if watch.stop() => Err(TaskError::Interrupted.into()),
-        Ok(logs) => Ok(Some(logs)),
-        Err(error) => match device.instead(&error) {
-            Some(note) => {
-                watch.note(&note);
-                Ok(None)
-            }
-            None => Err(error),
-        },
-    }
+    cancel: &dyn Fn() -> bool,
+) -> Result<Vec<Recording>, Error> {
+    let logs = device::collect(gpu, subject, options, cancel)?;
+    if cancel() { Err(TaskError::Interrupted.into()) } else { Ok(logs) }
 }
 
 /// Refuses a GPU that was asked for, or says that the one that was found is not used.

@@ -5,7 +5,7 @@ use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::Environment;
 
 use super::RolloutError;
-use super::play::{Play, Played};
+use super::play::{Extent, Play, Played};
 use super::scene::Mode;
 use crate::runtime::Device;
 
@@ -24,7 +24,7 @@ pub fn collect(
     let Subject { task, candidate, seed, .. } = *subject;
     // A log of the first robot is as long as any, or nearly so.
     let last = Recorder::new(subject, options, 0, 1).last();
-    let mut play = Play::new(device, subject, Mode::Logs, options.count, last)?;
+    let mut play = Play::new(device, subject, Mode::Logs, Extent::new(options.count, last))?;
     let (environments, steps) = (play.environments, play.steps);
     let (actions, joints) = (task.walker.joints.len(), task.walker.default_pose.len());
     let width = sensed_width(actions);

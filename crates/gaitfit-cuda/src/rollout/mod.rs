@@ -34,4 +34,4 @@ pub use scene::{Mode, Scene, Sizes, check};
 pub use shared::Shared;
 pub use stepper::{Moved, Shown, Stepped, Stepper, before_rows};
 pub use trainer::{Breakdown, Trainer};
-pub use trials::run_trials;
+pub use trials::{crossings, drift, run_trials};

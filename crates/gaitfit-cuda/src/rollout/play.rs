@@ -4,6 +4,7 @@ use gaitfit_learn::Training;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Environment, Snapshot};
+use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 
 use super::run::{Planned, Rollout};
@@ -14,8 +15,26 @@ use crate::runtime::{Device, Graph};
 
 /// Environments at once: the kernels of few are hardly faster, and many take memory.
 const ENVIRONMENTS: (usize, usize) = (64, 16_384);
-/// Steps of one graph, after which what they did is read.
-const STEPS: usize = 25;
+/// Max number of steps of one graph, after which what they did is read.
+const STEPS: u32 = 25;
+
+/// How much a policy plays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    /// Robots.
+    pub count: usize,
+    /// Steps of each.
+    pub last: u32,
+    /// Commands are [held](Play::hold) before steps whose number is 1 more than a multiple of this; 0 if they never are.
+    pub steady: u32,
+}
+
+impl Extent {
+    /// Robots that keep their commands.
+    pub fn new(count: usize, last: u32) -> Self {
+        Self { count, last, steady: 0 }
+    }
+}
 
 /// A policy and the environments it moves, as [`gaitfit_learn`]'s player does: the same robots, commands, starts, noise
 /// and pushes, and motions that differ by rounding. A robot that ended begins anew here, which nobody looks at.
@@ -43,7 +62,7 @@ pub(super) struct Played {
 }
 
 impl<'a> Play<'a> {
-    /// For `count` robots and `last` steps of each.
+    /// For robots and steps of this extent.
     ///
     /// # Errors
     /// [`RolloutError::Trials`] for what only the CPU simulates; a robot that cannot be; a failure of the GPU.
@@ -51,15 +70,13 @@ impl<'a> Play<'a> {
         device: &Device,
         subject: &Subject<'a>,
         mode: Mode,
-        count: usize,
-        last: u32,
+        extent: Extent,
     ) -> Result<Self, RolloutError> {
         let Subject { task, policy, candidate, seed, .. } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
-        if policy.is_recurrent() {
-            return Err(refused(&"a policy with a memory"));
-        }
-        let host = Training::learner_from(task, &Settings::default(), policy, seed)
+        // The learner gets a new critic, of shapes that a GPU knows: nobody asks for its values here.
+        let actor = Policy { critic: None, critic_memory: None, critic_normaliser: None, ..policy.clone() };
+        let host = Training::learner_from(task, &Settings::default(), &actor, seed)
             .map_err(|error| refused(&format!("this policy ({error})")))?;
         let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
         let unsupported = |error: RolloutError| match error {
@@ -69,11 +86,14 @@ impl<'a> Play<'a> {
             error => error,
         };
         check(task, &candidates, &host).map_err(unsupported)?;
+        let Extent { count, last, steady } = extent;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
-        let steps = STEPS.min(last as usize);
+        let fits = |steps: &u32| steady.is_multiple_of(*steps);
+        let steps = (1..=STEPS.min(last)).rev().find(fits).unwrap_or(1) as usize;
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
-        let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
+        let remembered = host.critic_memory().map_or(0, |memory| memory.shape().remembered());
+        let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered, mode };
         let planned = Planned::new(device, task, &candidates, sizes)?;
         let _ahead = device.compile_ahead(planned.programs());
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
@@ -89,11 +109,26 @@ impl<'a> Play<'a> {
     /// # Errors
     /// A randomisation that leaves no robot, or a failure of the GPU.
     pub fn begin(&mut self, environment: &mut Environment<'_>, first: u32) -> Result<(), RolloutError> {
-        self.first = first;
-        self.rollout.randomise(self.learner.stream(), &self.candidates, self.subject.seed, first)?;
+        // The first robots are there from the beginning.
+        if self.first != first {
+            self.first = first;
+            self.rollout.randomise(self.learner.stream(), &self.candidates, self.subject.seed, first)?;
+        }
         let snapshots: Vec<Snapshot> =
             (0..environment.count()).map(|index| environment.snapshot(index)).collect();
-        self.rollout.load(self.learner.stream(), &snapshots)
+        self.rollout.load(self.learner.stream(), &snapshots)?;
+        let memories = self.learner.memories()?;
+        Ok(self.learner.set_memories(&memories.map(|memory| vec![0.0; memory.len()]))?)
+    }
+
+    /// Gives all robots this command.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn hold(&mut self, command: [f32; 3]) -> Result<(), RolloutError> {
+        let columns: Vec<f32> =
+            command.iter().flat_map(|&number| std::iter::repeat_n(number, self.environments)).collect();
+        Ok(self.rollout.write(self.learner.stream(), "command", &columns)?)
     }
 
     /// The next steps, the first of which is number `from`.
@@ -114,6 +149,14 @@ impl<'a> Play<'a> {
     /// A failure of the GPU.
     pub fn errors(&self) -> Result<Vec<f32>, RolloutError> {
         Ok(self.rollout.errors(self.learner.stream())?)
+    }
+
+    /// Position (m) and orientation (wxyz) of each base after each of these steps, of [`Mode::Trials`]; `steps × environments × 7`.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn bases(&self) -> Result<Vec<f32>, RolloutError> {
+        Ok(self.rollout.bases(self.learner.stream())?)
     }
 
     /// What was recorded before these steps, of [`Mode::Logs`]; `steps × environments ×`

@@ -205,6 +205,14 @@ impl<'a> Rollout<'a> {
         self.read(stream, "errors")
     }
 
+    /// Position (m) and orientation (wxyz) of the base after every step of every environment of trials.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn bases(&self, stream: &Stream) -> Result<Vec<f32>, CudaError> {
+        self.read(stream, "bases")
+    }
+
     /// What was recorded before every step of every environment, rows of [`gaitfit_learn::collect::sensed_width`] numbers.
     ///
     /// # Errors

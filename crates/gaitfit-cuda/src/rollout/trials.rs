@@ -1,12 +1,26 @@
-//! Trajectories of a policy with random commands.
+//! How well a policy walks: trajectories with random commands, constant commands, crossings of uneven ground.
 
-use gaitfit_learn::evaluate::{Subject, Trial, Trials, trial_environments, trial_steps};
+use gaitfit_learn::evaluate::{
+    Crossing, CrossingRecorder, DriftRecorder, DriftTrial, Subject, Trial, Trials, crossing_environment,
+    crossing_size, drift_environment, ground_place, ground_pose, trial_environments, trial_steps,
+};
 use gaitfit_learn::task::Ended;
 
 use super::RolloutError;
-use super::play::{Play, Played};
+use super::play::{Extent, Play, Played};
 use super::scene::Mode;
 use crate::runtime::Device;
+
+impl Played {
+    /// How the episode of robot number `at` of all steps stands.
+    fn ended(&self, at: usize) -> Ended {
+        match (self.reward[at].is_nan(), self.done[at] != 0.0) {
+            (true, _) => Ended::Diverged,
+            (false, true) => Ended::Fall,
+            (false, false) => Ended::No,
+        }
+    }
+}
 
 /// As [`gaitfit_learn::evaluate::run_trials`], on a GPU: the same robots, commands, starts, noise and pushes, and motions
 /// that differ by rounding. Returns `None` if `cancel` asked to stop. The subject's own `cancel` is not called.
@@ -21,7 +35,7 @@ pub fn run_trials(
     cancel: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<Trial>>, RolloutError> {
     let last = trial_steps(subject, seconds);
-    let mut play = Play::new(device, subject, Mode::Trials, count, last)?;
+    let mut play = Play::new(device, subject, Mode::Trials, Extent::new(count, last))?;
     let (environments, steps) = (play.environments, play.steps);
     let joints = subject.task.walker.joints.len();
     let mut finished = Vec::with_capacity(count);
@@ -33,23 +47,108 @@ pub fn run_trials(
             if cancel() {
                 return Ok(None);
             }
-            let Played { action, reward, done } = play.advance(from)?;
+            let played = play.advance(from)?;
             let errors = play.errors()?;
             for (row, step) in (from..=last).take(steps).enumerate() {
                 let state = |index: usize| {
                     let at = row * environments + index;
-                    let ended = match (reward[at].is_nan(), done[at] != 0.0) {
-                        (true, _) => Ended::Diverged,
-                        (false, true) => Ended::Fall,
-                        (false, false) => Ended::No,
-                    };
-                    (reward[at], ended, [errors[2 * at], errors[2 * at + 1]])
+                    (played.reward[at], played.ended(at), [errors[2 * at], errors[2 * at + 1]])
                 };
-                trials.take(step, &action[row * environments * joints..][..environments * joints], state);
+                let width = environments * joints;
+                trials.take(step, &played.action[row * width..][..width], state);
             }
             subject.count(environments.min(count - first) * steps.min((last - from + 1) as usize));
         }
         finished.extend(trials.finish().into_iter().take(count - first));
     }
     Ok(Some(finished))
+}
+
+/// As [`gaitfit_learn::evaluate::drift`], on a GPU, as [`run_trials`] does trajectories.
+///
+/// # Errors
+/// As there.
+pub fn drift(
+    device: &Device,
+    subject: &Subject<'_>,
+    robots: usize,
+    speeds: Option<[f64; 3]>,
+    cancel: &dyn Fn() -> bool,
+) -> Result<Option<Vec<DriftTrial>>, RolloutError> {
+    let recorders = DriftRecorder::all(subject.task, robots, speeds);
+    let Some(first) = recorders.first() else { return Ok(Some(Vec::new())) };
+    let extent = Extent { count: robots, last: first.last(), steady: first.steady() };
+    let mut play = Play::new(device, subject, Mode::Trials, extent)?;
+    let (environments, steps) = (play.environments, play.steps);
+    if robots > environments {
+        return Err(RolloutError::Trials(format!(
+            "more than {environments} robots under a constant command"
+        )));
+    }
+    let mut environment = drift_environment(subject, environments)?;
+    let mut results = Vec::with_capacity(recorders.len());
+    for mut recorder in recorders {
+        play.begin(&mut environment, 0)?;
+        for from in (1..=recorder.last()).step_by(steps) {
+            if cancel() {
+                return Ok(None);
+            }
+            if let Some(command) = recorder.new_command(from) {
+                play.hold(command)?;
+            }
+            let (played, bases) = (play.advance(from)?, play.bases()?);
+            for (row, step) in (from..=recorder.last()).take(steps).enumerate() {
+                recorder.take(step, |index| {
+                    let at = row * environments + index;
+                    (played.ended(at), ground_pose(&bases[7 * at..], &bases[7 * at + 3..]))
+                });
+            }
+            subject.count(robots * steps.min((recorder.last() - from + 1) as usize));
+        }
+        results.push(recorder.finish());
+    }
+    Ok(Some(results))
+}
+
+/// As [`gaitfit_learn::evaluate::crossings`], on a GPU, as [`run_trials`] does trajectories.
+///
+/// # Errors
+/// As there.
+pub fn crossings(
+    device: &Device,
+    subject: &Subject<'_>,
+    robots: usize,
+    speed: f64,
+    cancel: &dyn Fn() -> bool,
+) -> Result<Option<Vec<Crossing>>, RolloutError> {
+    let (count, last) = crossing_size(subject.task, robots, speed);
+    if count == 0 {
+        return Ok(Some(Vec::new()));
+    }
+    let mut play = Play::new(device, subject, Mode::Trials, Extent::new(count, last))?;
+    let (environments, steps) = (play.environments, play.steps);
+    let mut crossings = Vec::with_capacity(count);
+    for first in (0..count).step_by(environments) {
+        let mut environment = crossing_environment(subject, first as u32, environments, speed)?;
+        play.begin(&mut environment, first as u32)?;
+        let Some(mut recorder) = CrossingRecorder::new(&environment) else { continue };
+        let mut over = false;
+        for from in (1..=last).step_by(steps) {
+            if cancel() {
+                return Ok(None);
+            }
+            if !over {
+                let (played, bases) = (play.advance(from)?, play.bases()?);
+                for (row, step) in (from..=last).take(steps).enumerate() {
+                    over = recorder.take(step, |index| {
+                        let at = row * environments + index;
+                        (played.ended(at), ground_place(&bases[7 * at..]))
+                    });
+                }
+            }
+            subject.count(environments.min(count - first) * steps.min((last - from + 1) as usize));
+        }
+        crossings.extend(recorder.finish().into_iter().take(count - first));
+    }
+    Ok(Some(crossings))
 }

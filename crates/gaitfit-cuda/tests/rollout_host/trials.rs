@@ -103,12 +103,13 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{t}")));
         statements.push_str(&call(&plan.finish(t)));
     }
-    for name in ["observation", "action", "reward", "done", "errors", "command"] {
+    for name in ["observation", "action", "reward", "done", "errors", "bases", "command"] {
         statements.push_str(&keep(&plan.arrays, name, "out"));
     }
     let folder = execute(&plan.program.text, &plan.arrays, &files, &[], &statements);
     let out = |name: &str| floats(&std::fs::read(folder.path().join(format!("{name}.out"))).unwrap());
     let (action, reward, done, errors) = (out("action"), out("reward"), out("done"), out("errors"));
+    let bases = out("bases");
     assert!(action == mean, "actions are not the means");
     // Robots that have fallen begin anew here, which does not count.
     let seen = out("observation");
@@ -119,6 +120,11 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
             let row = (t * ENVIRONMENTS + index) * wide;
             let error = apart(&seen[row..row + wide], &step.observation[index * wide..(index + 1) * wide]);
             assert!(error <= 1e-6, "step {t}, robot {index}: observations differ by {error:e}");
+        }
+        // Places are those that robots reached, also of those that then began anew.
+        for (index, moved) in step.moved.iter().enumerate() {
+            let at = 7 * (t * ENVIRONMENTS + index);
+            assert_eq!(bases[at..at + 7], moved.robot.state[..7], "step {t}, robot {index}");
         }
         let state = |index: usize| {
             let at = t * ENVIRONMENTS + index;

@@ -59,21 +59,13 @@ pub fn crossings(
     speed: f64,
     threads: usize,
 ) -> Result<Vec<Crossing>, TaskError> {
-    let Some(course) = &subject.task.course else { return Ok(Vec::new()) };
-    let (count, steps) = size(subject.task, course, robots, speed);
-    in_tiles(count, TILE, threads, |first, count| tile(subject, course, first, count, speed, steps))
+    let (count, steps) = crossing_size(subject.task, robots, speed);
+    in_tiles(count, TILE, threads, |first, count| tile(subject, first, count, speed, steps))
 }
 
-/// How many control periods [`crossings`] counts, summed over all robots. `speed`: as there, m/s.
-pub fn crossing_periods(task: &Task, robots: usize, speed: f64) -> usize {
-    task.course.as_ref().map_or(0, |course| {
-        let (count, steps) = size(task, course, robots, speed);
-        count * steps as usize
-    })
-}
-
-/// Robots on all cells, and control periods of each.
-fn size(task: &Task, course: &Course, robots: usize, speed: f64) -> (usize, u32) {
+/// Robots on all cells, and control periods of each: nothing on flat ground. `robots`, `speed`: as for [`crossings`].
+pub fn crossing_size(task: &Task, robots: usize, speed: f64) -> (usize, u32) {
+    let Some(course) = &task.course else { return (0, 0) };
     let settings = course.settings();
     let seconds = 3.0 * 0.5 * course.size() / speed + 1.0;
     let steps = (seconds / task.walker.interface.control_dt).ceil() as u32;
@@ -82,51 +74,104 @@ fn size(task: &Task, course: &Course, robots: usize, speed: f64) -> (usize, u32)
 
 fn tile(
     subject: &Subject<'_>,
-    course: &Course,
     first: u32,
     count: usize,
     speed: f64,
     steps: u32,
 ) -> Result<Vec<Crossing>, TaskError> {
-    let Subject { task, candidate, seed, .. } = *subject;
-    let mut environment = Environment::new(task, candidate, seed, first, count)?;
-    let settings = course.settings();
-    for index in 0..count {
-        // Robots of neighbouring numbers are on neighbouring columns.
-        let level = (first as usize + index) / settings.columns % settings.levels;
-        environment.hold_command(index, [speed as f32, 0.0, 0.0]);
-        environment.put_on_level(index, level);
-    }
-    environment.refresh();
-    let place = |environment: &Environment<'_>, index: usize| {
-        let place = &environment.motion().base_position[3 * index..];
-        [f64::from(place[0]), f64::from(place[1])]
-    };
-    let starts: Vec<[f64; 2]> = (0..count).map(|index| place(&environment, index)).collect();
-    let cells = (0..count).map(|index| environment.cell(index).unwrap_or_default());
-    let mut crossings: Vec<Crossing> = cells.map(|cell| Crossing { cell, ..Crossing::default() }).collect();
+    let environment = crossing_environment(subject, first, count, speed)?;
+    let Some(mut recorder) = CrossingRecorder::new(&environment) else { return Ok(Vec::new()) };
     let mut player = Player::new(subject, environment);
-    let half = 0.5 * course.size();
     for step in 1..=steps {
         player.step(step)?;
-        for (index, crossing) in crossings.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell)
-        {
-            crossing.fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
-            crossing.seconds = f64::from(step) * task.walker.interface.control_dt;
-            if player.ended[index] == Ended::Diverged {
-                continue;
-            }
-            let [x, y] = place(&player.environment, index);
-            let middle = course.middle(crossing.cell);
-            crossing.distance = (x - starts[index][0]).hypot(y - starts[index][1]);
-            crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
-        }
-        if crossings.iter().all(|one| one.crossed || one.fell) {
+        let places = &player.environment.motion().base_position;
+        if recorder.take(step, |index| (player.ended[index], ground_place(&places[3 * index..]))) {
             player.skip(steps - step);
             break;
         }
     }
-    Ok(crossings)
+    Ok(recorder.finish())
+}
+
+/// Where a base at `position` is over the ground, m.
+pub fn ground_place(position: &[f32]) -> [f64; 2] {
+    [f64::from(position[0]), f64::from(position[1])]
+}
+
+/// `count` environments from number `first` on, spread over the cells of the task's ground, that are told to walk ahead at `speed`,
+/// m/s.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn crossing_environment<'a>(
+    subject: &Subject<'a>,
+    first: u32,
+    count: usize,
+    speed: f64,
+) -> Result<Environment<'a>, TaskError> {
+    let Subject { task, candidate, seed, .. } = *subject;
+    let mut environment = Environment::new(task, candidate, seed, first, count)?;
+    if let Some(course) = &task.course {
+        let settings = course.settings();
+        for index in 0..count {
+            // Robots of neighbouring numbers are on neighbouring columns.
+            let level = (first as usize + index) / settings.columns % settings.levels;
+            environment.hold_command(index, [speed as f32, 0.0, 0.0]);
+            environment.put_on_level(index, level);
+        }
+        environment.refresh();
+    }
+    Ok(environment)
+}
+
+/// Crossings of robots side by side, step by step, from whatever simulates them.
+pub struct CrossingRecorder<'a> {
+    course: &'a Course,
+    crossings: Vec<Crossing>,
+    starts: Vec<[f64; 2]>,
+    /// The control period, s.
+    dt: f64,
+}
+
+impl<'a> CrossingRecorder<'a> {
+    /// Of the robots of `environment`, which have not moved yet; `None` on flat ground.
+    pub fn new(environment: &Environment<'a>) -> Option<Self> {
+        let task = environment.task();
+        let cell = |index: usize| environment.cell(index).unwrap_or_default();
+        let crossing = |index: usize| Crossing { cell: cell(index), ..Crossing::default() };
+        let places = environment.motion().base_position.chunks_exact(3);
+        Some(Self {
+            course: task.course.as_ref()?,
+            crossings: (0..environment.count()).map(crossing).collect(),
+            starts: places.map(ground_place).collect(),
+            dt: task.walker.interface.control_dt,
+        })
+    }
+
+    /// Adds step number `step`, from 1: how each robot's episode stands, and where it is over the ground, m. Returns whether all
+    /// robots have left their cells or fallen. What a robot does afterwards does not count.
+    pub fn take(&mut self, step: u32, state: impl Fn(usize) -> (Ended, [f64; 2])) -> bool {
+        let half = 0.5 * self.course.size();
+        for (index, crossing) in
+            self.crossings.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell)
+        {
+            let (ended, [x, y]) = state(index);
+            crossing.fell = matches!(ended, Ended::Fall | Ended::Diverged);
+            crossing.seconds = f64::from(step) * self.dt;
+            if ended == Ended::Diverged {
+                continue;
+            }
+            let middle = self.course.middle(crossing.cell);
+            crossing.distance = (x - self.starts[index][0]).hypot(y - self.starts[index][1]);
+            crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
+        }
+        self.crossings.iter().all(|one| one.crossed || one.fell)
+    }
+
+    /// The crossings.
+    pub fn finish(self) -> Vec<Crossing> {
+        self.crossings
+    }
 }
 
 /// Means by kind, direction and level, in the columns' order, easy ground first.

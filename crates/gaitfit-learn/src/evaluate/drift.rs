@@ -1,6 +1,7 @@
 //! Drift: where a robot ends after a constant command, against where it should be.
 
 use gaitfit_model::rotation::{heading, quat_of};
+use gaitfit_sim::pool;
 use gaitfit_sim::stats::Estimate;
 use serde::Serialize;
 
@@ -40,7 +41,8 @@ const TRIALS: usize = 7;
 /// trials). `robots` start with the task's own deviations. `speeds`: how fast, m/s, m/s and rad/s; half of the task's
 /// greatest commands without them.
 ///
-/// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis.
+/// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis. Results do not depend on the
+/// number of threads.
 ///
 /// # Errors
 /// A robot that cannot be, or the subject's `cancel`.
@@ -48,22 +50,39 @@ pub fn drift(
     subject: &Subject<'_>,
     robots: usize,
     speeds: Option<[f64; 3]>,
+    threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
-    let limits = &subject.task.settings.command;
-    let [x, y, yaw] = match speeds {
-        Some(speeds) => speeds.map(|speed| [-speed, speed]),
-        None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
-    };
-    let trials: [(&str, [f64; 3]); TRIALS] = [
-        ("stand", [0.0; 3]),
-        ("+x", [x[1], 0.0, 0.0]),
-        ("-x", [x[0], 0.0, 0.0]),
-        ("+y", [0.0, y[1], 0.0]),
-        ("-y", [0.0, y[0], 0.0]),
-        ("+yaw", [0.0, 0.0, yaw[1]]),
-        ("-yaw", [0.0, 0.0, yaw[0]]),
-    ];
-    trials.into_iter().map(|(name, command)| trial(subject, name, command, robots)).collect()
+    let recorders = DriftRecorder::all(subject.task, robots, speeds);
+    pool::map(recorders.len(), threads, |number| trial(subject, recorders[number].clone()))
+        .into_iter()
+        .collect()
+}
+
+fn trial(subject: &Subject<'_>, mut recorder: DriftRecorder) -> Result<DriftTrial, TaskError> {
+    let mut player = Player::new(subject, drift_environment(subject, recorder.robots())?);
+    for step in 1..=recorder.last() {
+        if let Some(command) = recorder.new_command(step) {
+            (0..recorder.robots()).for_each(|index| player.environment.hold_command(index, command));
+        }
+        player.step(step)?;
+        let motion = player.environment.motion();
+        recorder.take(step, |index| {
+            let (place, quaternion) =
+                (&motion.base_position[3 * index..], &motion.base_quaternion[4 * index..]);
+            (player.ended[index], ground_pose(place, quaternion))
+        });
+    }
+    Ok(recorder.finish())
+}
+
+/// `robots` robots that are told to stand, as each constant command begins.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn drift_environment<'a>(subject: &Subject<'a>, robots: usize) -> Result<Environment<'a>, TaskError> {
+    let mut environment = Environment::new(subject.task, subject.candidate, subject.seed, 0, robots)?;
+    (0..robots).for_each(|index| environment.hold_command(index, [0.0; 3]));
+    Ok(environment)
 }
 
 /// How many control periods [`drift`] counts, summed over all commands and robots.
@@ -76,12 +95,10 @@ fn periods(task: &Task, seconds: f64) -> u32 {
     (seconds / task.walker.interface.control_dt).round() as u32
 }
 
-/// Place and heading on the ground.
-fn pose(environment: &Environment<'_>, index: usize) -> [f64; 3] {
-    let motion = environment.motion();
-    let quaternion = quat_of(&motion.base_quaternion[4 * index..]).map(f64::from);
-    let place = &motion.base_position[3 * index..];
-    [f64::from(place[0]), f64::from(place[1]), heading(quaternion)]
+/// Place (m) and heading (rad) on the ground of a base at `position` (m) with the orientation `quaternion` (wxyz).
+pub fn ground_pose(position: &[f32], quaternion: &[f32]) -> [f64; 3] {
+    let quaternion = quat_of(quaternion).map(f64::from);
+    [f64::from(position[0]), f64::from(position[1]), heading(quaternion)]
 }
 
 fn wrap(angle: f64) -> f64 {
@@ -95,61 +112,125 @@ fn relative(start: [f64; 3], now: [f64; 3]) -> [f64; 3] {
     [cos * dx + sin * dy, cos * dy - sin * dx, wrap(now[2] - start[2])]
 }
 
-fn trial(
-    subject: &Subject<'_>,
+/// One constant command, step by step, from whatever simulates the robots.
+#[derive(Clone, Debug)]
+pub struct DriftRecorder {
     name: &'static str,
     command: [f64; 3],
-    robots: usize,
-) -> Result<DriftTrial, TaskError> {
-    let Subject { task, candidate, seed, .. } = *subject;
-    let mut environment = Environment::new(task, candidate, seed, 0, robots)?;
-    for index in 0..robots {
-        environment.hold_command(index, [0.0; 3]);
+    /// The last steps before the command, with the command, and in all.
+    steps: [u32; 3],
+    fallen: Vec<bool>,
+    diverged: Vec<bool>,
+    /// Robots settle while they first stand: errors count from where they then are.
+    starts: Vec<[f64; 3]>,
+    ends: Vec<[f64; 3]>,
+    path: Vec<[f64; 3]>,
+}
+
+impl DriftRecorder {
+    /// One for each command of [`drift`].
+    pub fn all(task: &Task, robots: usize, speeds: Option<[f64; 3]>) -> Vec<Self> {
+        let limits = &task.settings.command;
+        let [x, y, yaw] = match speeds {
+            Some(speeds) => speeds.map(|speed| [-speed, speed]),
+            None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
+        };
+        let commands: [(&str, [f64; 3]); TRIALS] = [
+            ("stand", [0.0; 3]),
+            ("+x", [x[1], 0.0, 0.0]),
+            ("-x", [x[0], 0.0, 0.0]),
+            ("+y", [0.0, y[1], 0.0]),
+            ("-y", [0.0, y[0], 0.0]),
+            ("+yaw", [0.0, 0.0, yaw[1]]),
+            ("-yaw", [0.0, 0.0, yaw[0]]),
+        ];
+        let steps = [STAND, STAND + COMMAND, 2.0 * STAND + COMMAND].map(|seconds| periods(task, seconds));
+        let recorder = |(name, command)| Self {
+            name,
+            command,
+            steps,
+            fallen: vec![false; robots],
+            diverged: vec![false; robots],
+            starts: vec![[0.0; 3]; robots],
+            ends: vec![[0.0; 3]; robots],
+            path: Vec::new(),
+        };
+        commands.into_iter().map(recorder).collect()
     }
-    let mut player = Player::new(subject, environment);
-    let (begin, end) = (periods(task, STAND), periods(task, STAND + COMMAND));
-    let (mut fallen, mut diverged) = (vec![false; robots], vec![false; robots]);
-    // Robots settle while they first stand: errors count from where they then are.
-    let mut starts = vec![[0.0; 3]; robots];
-    let mut path = Vec::new();
-    for step in 1..=periods(task, 2.0 * STAND + COMMAND) {
-        if step == begin + 1 || step == end + 1 {
-            let now = if step == begin + 1 { command.map(|x| x as f32) } else { [0.0; 3] };
-            for index in 0..robots {
-                player.environment.hold_command(index, now);
-                if step == begin + 1 {
-                    starts[index] = pose(&player.environment, index);
-                }
+
+    /// Robots that count.
+    pub fn robots(&self) -> usize {
+        self.fallen.len()
+    }
+
+    /// Number of the last step; the first is 1.
+    pub fn last(&self) -> u32 {
+        self.steps[2]
+    }
+
+    /// Steps between two changes of the command are multiples of this.
+    pub fn steady(&self) -> u32 {
+        let [begin, end, last] = self.steps;
+        (1..=begin.max(1))
+            .rev()
+            .find(|&length| [begin, end, last].iter().all(|step| step % length == 0))
+            .unwrap_or(1)
+    }
+
+    /// The command of step number `step`, if it is another one than before.
+    pub fn new_command(&self, step: u32) -> Option<[f32; 3]> {
+        let [begin, end, _] = self.steps;
+        match step.checked_sub(1) {
+            Some(before) if before == begin => Some(self.command.map(|speed| speed as f32)),
+            Some(before) if before == end => Some([0.0; 3]),
+            _ => None,
+        }
+    }
+
+    /// Adds step number `step`: how each robot's episode stands, and its place (m) and heading (rad), as [`ground_pose`] gives them.
+    /// What a robot does after its fall does not count.
+    pub fn take(&mut self, step: u32, state: impl Fn(usize) -> (Ended, [f64; 3])) {
+        let [begin, ..] = self.steps;
+        for index in 0..self.robots() {
+            let (ended, pose) = state(index);
+            self.fallen[index] |= matches!(ended, Ended::Fall | Ended::Diverged);
+            self.diverged[index] |= ended == Ended::Diverged;
+            if self.fallen[index] {
+                continue;
+            }
+            self.ends[index] = pose;
+            if step <= begin {
+                self.starts[index] = pose;
             }
         }
-        player.step(step)?;
-        for (index, &ended) in player.ended.iter().enumerate() {
-            fallen[index] |= matches!(ended, Ended::Fall | Ended::Diverged);
-            diverged[index] |= ended == Ended::Diverged;
-        }
-        if step > begin && !fallen[0] {
-            path.push(relative(starts[0], pose(&player.environment, 0)));
+        if step > begin && !self.fallen.first().copied().unwrap_or(true) {
+            self.path.push(relative(self.starts[0], self.ends[0]));
         }
     }
-    let wanted = command.map(|speed| speed * COMMAND);
-    let errors: Vec<[f64; 3]> = (0..robots)
-        .filter(|&index| !fallen[index])
-        .map(|index| {
-            let [x, y, yaw] = relative(starts[index], pose(&player.environment, index));
-            [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
-        })
-        .collect();
-    let estimate =
-        |axis: usize| Estimate::from_values(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
-    let count = |robots: &[bool]| robots.iter().filter(|&&is| is).count();
-    Ok(DriftTrial {
-        name,
-        command,
-        x: estimate(0),
-        y: estimate(1),
-        yaw: estimate(2),
-        fall_rate: Estimate::share(count(&fallen), robots),
-        diverged: count(&diverged),
-        path,
-    })
+
+    /// The result.
+    pub fn finish(self) -> DriftTrial {
+        let robots = self.robots();
+        let wanted = self.command.map(|speed| speed * COMMAND);
+        let errors: Vec<[f64; 3]> = (0..robots)
+            .filter(|&index| !self.fallen[index])
+            .map(|index| {
+                let [x, y, yaw] = relative(self.starts[index], self.ends[index]);
+                [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
+            })
+            .collect();
+        let estimate =
+            |axis: usize| Estimate::from_values(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
+        let count = |robots: &[bool]| robots.iter().filter(|&&is| is).count();
+        DriftTrial {
+            name: self.name,
+            command: self.command,
+            x: estimate(0),
+            y: estimate(1),
+            yaw: estimate(2),
+            fall_rate: Estimate::share(count(&self.fallen), robots),
+            diverged: count(&self.diverged),
+            path: self.path,
+        }
+    }
 }

@@ -7,6 +7,14 @@ use gaitfit_random::{Purpose, Stream};
 use super::RandomisationSettings;
 use super::command::within;
 
+/// Whether robots differ by chance at all.
+pub(super) fn varies(settings: &RandomisationSettings) -> bool {
+    let RandomisationSettings { base_mass, base_com, kp, kd, floor_friction, frictionloss, armature, delay } =
+        settings;
+    let ranges = [base_mass, kp, kd, floor_friction, frictionloss, armature, delay];
+    *base_com != 0.0 || ranges.into_iter().any(|[low, high]| low != high)
+}
+
 /// Robot `environment` of a randomised batch around `robot`.
 pub(super) fn randomised(
     model: &Model,

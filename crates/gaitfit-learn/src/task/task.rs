@@ -11,7 +11,7 @@ use gaitfit_sim::{Candidate, Start};
 use super::check::{check, check_gravity, check_pose, check_terms};
 use super::error::refuse;
 use super::joint_number::by_joint;
-use super::randomise::randomised;
+use super::randomise::{randomised, varies};
 use super::reward::{self, Rewards, Value, WeightedTerm};
 use super::{Course, JointNumber, Moment, TaskError, TaskSettings, TerrainSettings, UserTerms};
 
@@ -222,15 +222,18 @@ impl Task {
         count: usize,
     ) -> Result<Vec<Params<f64>>, TaskError> {
         let bases: Vec<Robot> = candidates.iter().map(|candidate| self.walker.robot(candidate)).collect();
-        (first..first + count as u32)
-            .map(|environment| {
-                let Some(base) = bases.get(environment as usize % bases.len().max(1)) else {
-                    return refuse("robots", "are none".to_owned());
-                };
-                let (model, ranges) = (self.walker.model(), &self.settings.randomisation);
-                Ok(randomised(model, base, ranges, seed, environment)?)
-            })
-            .collect()
+        if bases.is_empty() {
+            return refuse("robots", "are none".to_owned());
+        }
+        let (model, ranges) = (self.walker.model(), &self.settings.randomisation);
+        // Without randomisation a few robots are computed and the others are copies: each takes 40 µs.
+        let different = if varies(ranges) { count } else { count.min(bases.len()) };
+        let robot = |environment: u32| {
+            let base = &bases[environment as usize % bases.len()];
+            randomised(model, base, ranges, seed, environment)
+        };
+        let robots: Vec<_> = (first..first + different as u32).map(robot).collect::<Result<_, _>>()?;
+        Ok(robots.iter().cycle().take(count).cloned().collect())
     }
 
     /// Control periods in an episode.

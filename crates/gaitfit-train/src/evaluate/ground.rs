@@ -1,11 +1,13 @@
 //! Uneven ground in an evaluation: which, and how robots cross it.
 
+use super::Plan;
 use crate::Error;
+use crate::device;
 use crate::files::read_text;
 use crate::robot_file;
 use crate::watch::{Amount, Watch};
 use crate::world::{self, World, WorldSettings};
-use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossing_periods, crossings, summarise_crossings};
+use gaitfit_learn::evaluate::{CrossingSummary, Subject, crossing_size, crossings, summarise_crossings};
 use gaitfit_learn::task::{Cell, Kinds, TerrainKind, TerrainSettings};
 use gaitfit_model::shown;
 use gaitfit_policy::Policy;
@@ -187,8 +189,7 @@ pub(super) fn open(
 pub(super) fn measure(
     world: World,
     robots: usize,
-    seed: u64,
-    threads: usize,
+    plan: &Plan,
     watch: &Watch<'_>,
 ) -> Result<OnGround, Error> {
     let speed = 0.5 * world.scene.settings.command.x[1];
@@ -199,12 +200,18 @@ pub(super) fn measure(
         ));
     }
     let cancel = || watch.stop();
-    let subject = Subject { cancel: Some(&cancel), ..world.subject(seed) };
-    let periods = crossing_periods(&world.scene, robots, speed);
+    let subject = Subject { cancel: Some(&cancel), ..world.subject(plan.seed) };
+    let (count, steps) = crossing_size(&world.scene, robots, speed);
+    let periods = count * steps as usize;
     let period = world.scene.walker.interface.control_dt;
-    let crossings = watch
-        .shared(Amount::simulated("uneven ground: simulated second", periods, period), |moved| {
-            crossings(&Subject { moved: Some(moved), ..subject }, robots, speed, threads)
+    let crossings =
+        watch.shared(Amount::simulated("uneven ground: simulated second", periods, period), |moved| {
+            let subject = Subject { moved: Some(moved), ..subject };
+            plan.device.for_trajectories(count).run(
+                watch,
+                |gpu| device::crossings(gpu, &subject, robots, speed, &cancel),
+                || Ok(crossings(&subject, robots, speed, plan.threads)?),
+            )
         });
     super::go_on(watch)?;
     let crossings = crossings?;

@@ -29,7 +29,7 @@ pub struct Plan {
     pub seed: u64,
     /// Threads.
     pub threads: usize,
-    /// What simulates the trajectories with random commands; the CPU does the rest.
+    /// What simulates the trajectories and constant commands; the CPU records the gait of one robot.
     pub device: Device,
 }
 
@@ -180,9 +180,15 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let subject = Subject { cancel: Some(&cancel), ..world.subject(plan.seed) };
     let period = world.scene.walker.interface.control_dt;
     let periods = plan.trajectories * trial_steps(&subject, plan.seconds) as usize;
-    let trials = watch
-        .shared(Amount::simulated("random commands: simulated second", periods, period), |moved| {
-            trials(&Subject { moved: Some(moved), ..subject }, plan, watch)
+    let trials =
+        watch.shared(Amount::simulated("random commands: simulated second", periods, period), |moved| {
+            let subject = Subject { moved: Some(moved), ..subject };
+            let Plan { trajectories, seconds, threads, .. } = *plan;
+            plan.device.run(
+                watch,
+                |gpu| device::trials(gpu, &subject, trajectories, seconds, &cancel),
+                || Ok(run_trials(&subject, trajectories, seconds, threads)?),
+            )
         });
     super::go_on(watch)?;
     let trials = trials?;
@@ -194,7 +200,12 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         robots => {
             let periods = drift_periods(&world.scene, robots);
             watch.shared(Amount::simulated("constant commands: simulated second", periods, period), |moved| {
-                drift(&Subject { moved: Some(moved), ..subject }, robots, plan.drift_speeds)
+                let (subject, speeds) = (Subject { moved: Some(moved), ..subject }, plan.drift_speeds);
+                plan.device.for_trajectories(robots).run(
+                    watch,
+                    |gpu| device::drift(gpu, &subject, robots, speeds, &cancel),
+                    || Ok(drift(&subject, robots, speeds, plan.threads)?),
+                )
             })
         }
     };
@@ -259,20 +270,6 @@ fn drawn(world: &World, trials: &[Trial]) -> String {
     let settings = serde_json::to_string(&(start, noise, randomisation, push, terrain)).unwrap_or_default();
     sum.update(settings);
     sum.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
-}
-
-/// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.
-fn trials(subject: &Subject<'_>, plan: &Plan, watch: &Watch<'_>) -> Result<Vec<Trial>, Error> {
-    if let Some(gpu) = plan.device.open()? {
-        match device::trials(&gpu, subject, plan.trajectories, plan.seconds, &|| watch.stop()) {
-            Ok(trials) => return Ok(trials),
-            Err(error) => match plan.device.instead(&error) {
-                Some(note) => watch.note(&note),
-                None => return Err(error),
-            },
-        }
-    }
-    Ok(run_trials(subject, plan.trajectories, plan.seconds, plan.threads)?)
 }
 
 /// What of a trajectory is compared with others.

@@ -45,7 +45,7 @@ pub struct EvaluateSettings {
     pub ground: GroundChoice,
     /// Robots on each of its cells.
     pub ground_robots: usize,
-    /// What simulates the trajectories with random commands.
+    /// What simulates; the CPU records the gait of one robot.
     pub device: Device,
     /// Whether other orders, signs and scales of joints are tried if the policy does not walk. It takes some seconds.
     pub diagnose: bool,
@@ -102,6 +102,8 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     }
     let uneven = ground::open(&settings.world, &settings.ground, &world.policy)?;
     let begun = Instant::now();
+    // A GPU stays open from one measurement to the next.
+    let _gpu = settings.device.open()?;
     let plan = Plan {
         trajectories,
         seconds,
@@ -113,8 +115,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     };
     let mut measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
     let robots = settings.ground_robots;
-    let ground =
-        uneven.map(|uneven| ground::measure(uneven, robots, plan.seed, plan.threads, watch)).transpose()?;
+    let ground = uneven.map(|uneven| ground::measure(uneven, robots, &plan, watch)).transpose()?;
     if let Some(ground) = &ground {
         measured.evaluation.ground.clone_from(&ground.results);
     }

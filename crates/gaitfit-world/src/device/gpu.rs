@@ -8,7 +8,7 @@ use gaitfit_cuda::rollout::{self, RolloutError};
 use gaitfit_cuda::runtime::{self, CudaError, Found};
 use gaitfit_learn::Training;
 use gaitfit_learn::collect::{CollectOptions, Collected};
-use gaitfit_learn::evaluate::{Subject, Trial};
+use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_sim::Candidate;
@@ -56,6 +56,36 @@ pub fn trials(
     cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Trial>, Error> {
     rollout::run_trials(gpu, subject, count, seconds, cancel)
+        .map(Option::unwrap_or_default)
+        .map_err(rollout_error)
+}
+
+/// Constant commands, as [`gaitfit_learn::evaluate::drift`] gives them; empty if `cancel` stopped them.
+///
+/// # Errors
+/// What the GPU does not do, or its failure.
+pub fn drift(
+    gpu: &Gpu,
+    subject: &Subject<'_>,
+    robots: usize,
+    speeds: Option<[f64; 3]>,
+    cancel: &dyn Fn() -> bool,
+) -> Result<Vec<DriftTrial>, Error> {
+    rollout::drift(gpu, subject, robots, speeds, cancel).map(Option::unwrap_or_default).map_err(rollout_error)
+}
+
+/// Crossings of uneven ground, as [`gaitfit_learn::evaluate::crossings`] gives them; empty if `cancel` stopped them.
+///
+/// # Errors
+/// What the GPU does not do, or its failure.
+pub fn crossings(
+    gpu: &Gpu,
+    subject: &Subject<'_>,
+    robots: usize,
+    speed: f64,
+    cancel: &dyn Fn() -> bool,
+) -> Result<Vec<Crossing>, Error> {
+    rollout::crossings(gpu, subject, robots, speed, cancel)
         .map(Option::unwrap_or_default)
         .map_err(rollout_error)
 }

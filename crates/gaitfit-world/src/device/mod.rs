@@ -7,7 +7,7 @@ mod gpu;
 mod gpu;
 mod several;
 
-pub use gpu::{Gpu, Trainer, collect, start_training, store_training, trials};
+pub use gpu::{Gpu, Trainer, collect, crossings, drift, start_training, store_training, trials};
 #[cfg(feature = "cuda")]
 pub use gpu::{cuda_error, fit_error, rollout_error};
 pub use several::Devices;
@@ -18,6 +18,7 @@ use std::str::FromStr;
 use crate::Error;
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
+use gaitfit_run::watch::Watch;
 use gaitfit_sim::Candidate;
 
 /// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for.
@@ -99,6 +100,30 @@ impl Device {
     /// Why the processor computes instead, if `auto` found this device and it does not do what is asked.
     pub fn instead(self, error: &Error) -> Option<String> {
         Devices::from(self).instead(error)
+    }
+
+    /// Does work here: as `on_gpu` or `on_cpu` does it. If `auto` found a GPU that does not do the work, the processor does it, and
+    /// `watch` gets a note.
+    ///
+    /// # Errors
+    /// A GPU that is not there, and those of `on_gpu` and `on_cpu`.
+    pub fn run<T>(
+        self,
+        watch: &Watch<'_>,
+        on_gpu: impl FnOnce(&Gpu) -> Result<T, Error>,
+        on_cpu: impl FnOnce() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        if let Some(gpu) = self.open()? {
+            let error = match on_gpu(&gpu) {
+                Ok(done) => return Ok(done),
+                Err(error) => error,
+            };
+            match self.instead(&error) {
+                Some(note) => watch.note(&note),
+                None => return Err(error),
+            }
+        }
+        on_cpu()
     }
 
     /// Whether it is there, before hours of work that come first.

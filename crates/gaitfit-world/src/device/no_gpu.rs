@@ -3,7 +3,7 @@
 use super::Device;
 use crate::Error;
 use gaitfit_learn::collect::{CollectOptions, Collected};
-use gaitfit_learn::evaluate::{Subject, Trial};
+use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_learn::{Iteration, Training};
@@ -74,6 +74,34 @@ pub fn trials(
     _seconds: f64,
     _cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Trial>, Error> {
+    match gpu.never {}
+}
+
+/// Constant commands.
+///
+/// # Errors
+/// None.
+pub fn drift(
+    gpu: &Gpu,
+    _subject: &Subject<'_>,
+    _robots: usize,
+    _speeds: Option<[f64; 3]>,
+    _cancel: &dyn Fn() -> bool,
+) -> Result<Vec<DriftTrial>, Error> {
+    match gpu.never {}
+}
+
+/// Crossings of uneven ground.
+///
+/// # Errors
+/// None.
+pub fn crossings(
+    gpu: &Gpu,
+    _subject: &Subject<'_>,
+    _robots: usize,
+    _speed: f64,
+    _cancel: &dyn Fn() -> bool,
+) -> Result<Vec<Crossing>, Error> {
     match gpu.never {}
 }
 

@@ -104,7 +104,7 @@ DEVICE void keep_step(
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, float* reward, float* done, u32* steps,
     u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut, float* tail, double* tally,
-    float* errors, unsigned char* ends, float* last_observation, const float* memory, const float* imu, float* ways,
+    float* errors, float* bases, unsigned char* ends, float* last_observation, const float* memory, const float* imu, float* ways,
     const float* past, const float* critic_past, const u32* held, const Moment& m, const float terms[][THREADS], u32 lane,
     u32 age, bool whole, bool broken
 ) {
@@ -142,6 +142,8 @@ DEVICE bool finish_step(
     }
 #if TRIALS
     errors[2 * row] = off[0], errors[2 * row + 1] = off[1];
+    Base reached = base_of(state, e);
+    for (int k = 0; k < 7; k++) bases[7 * row + k] = k < 3 ? reached.position[k] : reached.quaternion[k - 3];
 #endif
     // Trials are told of a robot that diverged by a reward that is no number; for the learner it fell.
     reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
@@ -197,7 +199,7 @@ DEVICE bool finish_step(
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, float* memory, const float* imu,
+    float* tail, double* tally, float* errors, float* bases, unsigned char* ends, float* last_observation, float* memory, const float* imu,
     float* ways, const float* past, const float* critic_past, const u32* held
 ) {
     // Which environments of the block begin anew.
@@ -223,7 +225,7 @@ KERNEL finish(
     if (inside && part == 0)
         begins[lane] = finish_step(
             step, control, state, params, report, reward, done, steps, fresh, command, last_action, feet, returns, cut, tail,
-            tally, errors, ends, last_observation, memory, imu, ways, past, critic_past, held, m, terms, lane, age, whole,
+            tally, errors, bases, ends, last_observation, memory, imu, ways, past, critic_past, held, m, terms, lane, age, whole,
             broken) ? 1 : 0;
     start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways);
 }
