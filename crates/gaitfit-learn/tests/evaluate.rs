@@ -117,7 +117,7 @@ fn who_is_asked_to_stop_does_so_at_the_next_control_period() {
     type Stage<'a> = &'a dyn Fn(&Subject<'_>) -> Result<(), TaskError>;
     let stages: [(&str, Stage<'_>); 4] = [
         ("trials", &|subject| run_trials(subject, 600, 10.0, 1).map(drop)),
-        ("drift", &|subject| drift(subject, 100, None, 2).map(drop)),
+        ("drift", &|subject| drift(subject, 100, None, 1).map(drop)),
         ("gait", &|subject| record_gait(subject, &[(10.0, [0.0; 3])]).map(drop)),
         ("logs", &|subject| collect(subject, &logs, 1).map(drop)),
     ];

@@ -3,9 +3,10 @@
 /// Smallest pivot, so that hopeless inertias stay finite (MuJoCo's `mjMINVAL`).
 const MIN_PIVOT: f64 = 1e-15;
 
-/// Lower triangular L with L Lᵀ = M, row-major.
+/// Lower triangular L with L Lᵀ = M.
 pub struct Cholesky {
-    factor: Vec<f64>,
+    /// L column by column.
+    columns: Vec<f64>,
     size: usize,
 }
 
@@ -27,18 +28,24 @@ impl Cholesky {
                 m[i * size + j] = x / pivot;
             }
         }
-        Self { factor: m, size }
+        let columns = (0..size * size).map(|at| m[at % size * size + at / size]).collect();
+        Self { columns, size }
     }
 
     /// `vᵀ M⁻¹ v`; `v` has `size` numbers.
     pub fn inverse_form(&self, v: &[f64]) -> f64 {
-        let (l, n) = (&self.factor, self.size);
+        let n = self.size;
         let mut y = v.to_vec();
-        for i in 0..n {
-            for k in 0..i {
-                y[i] -= l[i * n + k] * y[k];
+        // Solves L y = v column by column: the numbers below the diagonal do not wait for each other.
+        for (k, column) in self.columns.chunks_exact(n.max(1)).enumerate() {
+            y[k] /= column[k];
+            let known = y[k];
+            if known == 0.0 {
+                continue;
             }
-            y[i] /= l[i * n + i];
+            for (below, factor) in y[k + 1..].iter_mut().zip(&column[k + 1..]) {
+                *below -= factor * known;
+            }
         }
         y.iter().map(|x| x * x).sum()
     }

@@ -25,6 +25,11 @@ impl Drop for Width {
     }
 }
 
+/// Threads that can run at once; 1 where the system does not tell.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get)
+}
+
 /// Does every job once: one thread a worker, the calling thread among them, each taking the next job when it is free.
 /// Jobs are taken in order but finish in any order: `work` must not care. Without workers nothing is done. If the
 /// calling thread belongs to other parallel work, fewer workers may be used. Each job may use one thread.

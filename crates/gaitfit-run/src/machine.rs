@@ -31,10 +31,7 @@ pub fn machine() -> Machine {
     }
 }
 
-/// Threads that can run at once; 1 where the system does not tell.
-pub fn threads() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get)
-}
+pub use gaitfit_pool::threads;
 
 fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

@@ -1,13 +1,13 @@
 //! Drift: where a robot ends after a constant command, against where it should be.
 
 use gaitfit_model::rotation::{heading, quat_of};
-use gaitfit_sim::pool;
 use gaitfit_sim::stats::Estimate;
 use serde::Serialize;
 
 use super::Subject;
 use crate::player::Player;
 use crate::task::{Ended, Environment, Task, TaskError};
+use crate::tiles::in_tiles;
 
 /// The result of one constant command, over several robots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,9 +53,8 @@ pub fn drift(
     threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
     let recorders = DriftRecorder::all(subject.task, robots, speeds);
-    pool::map(recorders.len(), threads, |number| trial(subject, recorders[number].clone()))
-        .into_iter()
-        .collect()
+    let one = |number: u32, _| Ok(vec![trial(subject, recorders[number as usize].clone())?]);
+    in_tiles(recorders.len(), 1, threads, one)
 }
 
 fn trial(subject: &Subject<'_>, mut recorder: DriftRecorder) -> Result<DriftTrial, TaskError> {
