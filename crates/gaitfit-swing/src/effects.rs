@@ -119,6 +119,7 @@ impl<'a> Scene<'a> {
                 joints.iter().for_each(|&joint| drag[joint] = group.drag());
             }
         }
+        // The second look knows from the first how the base moves.
         let grounds = gaitfit_pool::map(walks.len(), settings.threads, |log| {
             let first = Ground::new(model, &walks[log], delay, &drag, None);
             Ground::new(model, &walks[log], delay, &drag, Some(&first))
@@ -233,6 +234,7 @@ impl Equations {
 }
 
 /// A block of time of a log.
+/// The log has the upper half of the number, the block the lower one.
 pub(crate) fn block(log: usize, at: f64) -> u64 {
     ((log as u64) << 32) + (at.max(0.0) / BLOCK_S) as u64
 }
@@ -297,6 +299,7 @@ impl<'a> Base<'a> {
             sums.values().map(|[square, weight]| (square - mean * weight).powi(2)).sum::<f64>()
                 / total.powi(2);
         let value = mean.max(0.0).sqrt();
+        // The error of a root, to first order: half the error of the square over the root.
         Estimate { value, error: 0.5 * variance.sqrt() / value.max(1e-12) }
     }
 
@@ -313,6 +316,8 @@ impl<'a> Base<'a> {
             return None;
         }
         let value = sum(&|k| rest[k] * self.left[k]) / square;
+        // Errors within a block go together (Liang and Zeger 1986), so scores are summed by block before they are
+        // squared.
         let mut scores: BTreeMap<u64, f64> = BTreeMap::new();
         for k in 0..rest.len() {
             let left = self.left[k] - value * rest[k];

@@ -11,7 +11,7 @@ use crate::torques::{Bump, driven, friction_lead};
 use crate::walk::Walk;
 use gaitfit_model::Model;
 
-/// Share of a torque limit from which on a motor counts as saturated.
+/// Share of a torque limit from which on a motor counts as saturated: there the PD law does not state its torque.
 const SATURATED: f64 = 0.97;
 /// A joint that rests in a window may be held by friction of any size below its own; such windows do not count. Mean of
 /// the smoothed |sign(q̇)|.
@@ -126,7 +126,8 @@ pub(crate) fn windows(
             }
             let end = (begin..points).find(|&point| !free(point)).unwrap_or(points);
             swing += 1;
-            // Windows of all joints have common middles.
+            // Windows of all joints have common middles, so that rows of one moment can share an error of the base's
+            // acceleration.
             let mut centre = (begin + reach).next_multiple_of(hop);
             while centre + reach < end {
                 let around = centre - reach..=centre + reach;
@@ -143,6 +144,8 @@ pub(crate) fn windows(
                     stiffness: kp,
                     angle: 0.0,
                     motor: 0.0,
+                    // The torque changes by d(by_base · v)/dt, which is by_base · a for a lever that hardly changes
+                    // in a window.
                     lever: walk.poses.momenta[index(centre)].by_base[0],
                     known: 0.0,
                     driven: Vec::new(),
@@ -158,9 +161,12 @@ pub(crate) fn windows(
                     window.motor += weight * (-kp * q - kd * dq);
                     window.angle += weight * q;
                     window.rates[0] += weight * dq;
+                    // By parts: ∫ φ q̈ dt = −∫ φ̇ q̇ dt, and below −∫ φ dp/dt dt = ∫ φ̇ p dt. The bump vanishes at
+                    // both ends.
                     window.rates[1] -= change * dq;
                     window.known += weight * (-kp * q - kd * dq - needed.rest[index(point)])
                         + change * needed.momentum[index(point)];
+                    // A saturated motor's torque depends on the delay, so the best delay so far decides.
                     let target = walk.target(joint, point as f64 * walk.step, delay);
                     saturated |= (kp * (target - q) - kd * dq).abs() > SATURATED * limit;
                 }

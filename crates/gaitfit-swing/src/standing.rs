@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 /// Feet that stand this much count.
 pub(crate) const STANDS: f64 = 0.5;
-/// Delay of targets for forces at the feet, s.
+/// Delay of targets for forces at the feet, s. A real Go2 shows 5 to 6 ms (docs/results/swings.md).
 const DELAY_S: f64 = 0.005;
 /// Samples nearer than this are not independent, s.
 const BLOCK_S: f64 = 1.0;
@@ -44,6 +44,7 @@ impl Standing {
         let mut standing = Self { tilt: tilt(model, logs, threads)? };
         // Which feet stand is judged by their heights too, so a first look sees a part of the tilt.
         for _ in 1..ROUNDS {
+            // Nothing is taken out, so the next look would see the same.
             if standing.taken_out() == [0.0; 2] {
                 break;
             }
@@ -79,6 +80,7 @@ impl Standing {
             && let Some(quaternions) = better.base.as_mut().and_then(|base| base.quaternion.as_mut())
         {
             let angle = roll.hypot(pitch);
+            // The base is turned about the same axis by the opposite angle.
             let level = axis_angle([-roll / angle, -pitch / angle, 0.0], angle);
             for quaternion in quaternions.chunks_exact_mut(4) {
                 let turned = product(quat_of(quaternion), level);

@@ -6,7 +6,8 @@ use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::{IDENTITY, Quat, Vec3, blend, quat_of};
 use gaitfit_model::{Model, Root};
 
-/// The grid is at least this fine, s: swings of the fastest gaits last 0.1 s.
+/// The grid is at least this fine, s: swings of the fastest gaits last 0.1 s. A little above 2.5 ms, so that
+/// rounding of a period of 20 or 5 ms does not ask for one more grid point a sample.
 const FINE_S: f64 = 0.0026;
 /// Noise of joint velocities, rad/s: below it their sign is not sure.
 const SIGN_RATE: f64 = 0.05;
@@ -117,7 +118,9 @@ impl Walk {
         let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
         let step = period / per_sample as f64;
         let start = log.time[0];
+        // Rounding must not lose the last grid point.
         let points = ((log.duration() / step) + 1e-6).floor() as usize + 1;
+        // 400 MB for each signal of the joints.
         if points.saturating_mul(joints.max(1)) > 50_000_000 {
             return Err(SwingError::Long { log: name(), seconds: log.duration() });
         }
@@ -150,6 +153,7 @@ impl Walk {
         let mut before = 0;
         for point in 0..points {
             let at = point as f64 * step;
+            // The last two samples bound the grid's last points. 1e-9 s is rounding of the times.
             while before + 2 < samples && walk.sample_times[before + 1] <= at + 1e-9 {
                 before += 1;
             }
@@ -185,6 +189,7 @@ impl Walk {
     /// Sign of a joint's velocity `lead` grid points later, smooth where it is not sure.
     pub(crate) fn sign(&self, joint: usize, point: usize, lead: usize) -> f64 {
         let dq = self.dq[(point + lead).min(self.points() - 1) * self.joints + joint];
+        // Near 0, where noise decides the sign, x/√(x² + r²) is small.
         dq / dq.hypot(self.sign_rate)
     }
 
@@ -192,6 +197,7 @@ impl Walk {
     /// before there is one.
     pub fn target(&self, joint: usize, at: f64, delay: f64) -> f64 {
         let sent = at - delay - self.lead;
+        // A target that is sent at this very time counts, whatever the rounding.
         let sample = self.sample_times.partition_point(|time| *time <= sent + 1e-9).saturating_sub(1);
         self.targets[sample * self.joints + joint]
     }
