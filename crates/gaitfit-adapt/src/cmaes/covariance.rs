@@ -115,6 +115,7 @@ impl Covariance {
                 }
             }
             Self::Separable { c, .. } => {
+                // −0 is the neutral element of addition: it keeps the sign of a sum of zeros.
                 let mut rank_mu = vec![-0.0; c.len()];
                 for (w, y) in weights.iter().zip(steps) {
                     rank_mu.iter_mut().zip(y).for_each(|(sum, y)| *sum += w * (y * y));

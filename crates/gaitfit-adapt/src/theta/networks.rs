@@ -372,6 +372,7 @@ pub(super) fn read(
         return Err(ThetaFileError::Twice { name: saved.name.clone(), joint: saved.joint.clone() });
     }
     let scales = NetworkScales { position: scales[0], velocity: scales[1], output: scales[2] };
+    // Networks of one kind and scale are one block, because a candidate states its scales once a block.
     if candidate.networks.last().is_none_or(|last| last.kind != kind || last.scales != scales) {
         candidate.networks.push(JointNetworks {
             kind,

@@ -234,6 +234,7 @@ impl Inference<'_> {
                 Some(slope) => slope,
                 None => {
                     let left = self.left(&simulated, FIRST_NOISE, &mut numbers)?;
+                    // The squared median that is left is about quiet + rise · noise², see the head of the file.
                     *slope.insert((left - quiet) / FIRST_NOISE.powi(2))
                 }
             };
@@ -241,6 +242,7 @@ impl Inference<'_> {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
+            // Logs that leave less than those of a robot without noise show none.
             let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;

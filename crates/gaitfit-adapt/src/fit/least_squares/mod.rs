@@ -39,15 +39,20 @@ pub const MAX_ENTRIES: usize = 200;
 /// to stand out from feet that touch the ground a moment sooner or later.
 const PROBE: f64 = 0.5;
 /// Dampings tried in a generation, times the one that served last.
+/// All four are simulated together. The first one lets the damping fall again.
 const DAMPINGS: [f64; 4] = [1e-2, 1.0, 1e2, 1e4];
+/// The damping of the first step, as in Press et al., "Numerical Recipes", section 15.5.
 const FIRST_DAMPING: f64 = 1e-3;
+/// A step with this damping counts as undamped.
 const MIN_DAMPING: f64 = 1e-9;
 const MAX_DAMPING: f64 = 1e9;
 /// A loss that falls by less than this part has come to its end.
 const PROGRESS: f64 = 1e-7;
 /// How much the damping rises where no step is downhill.
+/// The least factor of the next [`DAMPINGS`] then gives the largest damping that was tried.
 const RISE: f64 = 1e6;
 /// Where no step is downhill with this damping, none is.
+/// The largest trial has a damping of at least 1e6, and its step is too short to matter.
 const STEEP: f64 = 1e2;
 
 /// The state of a search; one generation is one step.
@@ -208,6 +213,7 @@ impl GaussNewton {
             None if trials.is_empty() => self.stop = Some(Stop::Degenerate),
             // No direction is downhill: this is the lowest point, but for the rounding of the simulation.
             None if self.damping >= STEEP => self.stop = Some(Stop::Converged),
+            // At least `STEEP`, so that the search ends if the next trials fail too.
             None => self.damping = (self.damping * RISE).clamp(STEEP, MAX_DAMPING),
         }
         if self.stop.is_none() && self.generation as usize >= generations {
@@ -324,6 +330,7 @@ impl<'a> Neighbourhood<'a> {
                 candidates.push(candidate);
                 candidates.last().map_or(to, |candidate| candidate[at])
             };
+            // At a bound one of the two stays where it is, and the difference is one-sided.
             steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
         }
         problem.check(problem.differences()?.count(), candidates.len())?;
@@ -344,6 +351,7 @@ impl<'a> Neighbourhood<'a> {
         let Some(residuals) = all.next() else { return Ok(None) };
         if let Some(columns) = self.exact {
             let jacobian = Jacobian::exact(columns, width);
+            // An exact derivative counts as one simulation.
             return Ok(Some(Around { residuals, jacobian, evaluations: 1 + self.steps.len() }));
         }
         let mut pairs = Vec::with_capacity(self.steps.len());

@@ -60,6 +60,7 @@ impl Loss {
     /// Weight of a difference in the normal equations.
     fn weight(&self, residual: f64) -> f64 {
         let off = residual.abs();
+        // The slope of Huber's loss over the difference: a square with this weight has the same slope.
         if off <= self.elbow { 1.0 } else { self.elbow / off }
     }
 }
@@ -98,7 +99,8 @@ impl Jacobian {
         Self { columns: pool::map_each(moved.into_iter(), (threads, threads), column), width }
     }
 
-    /// From the simulator's own derivatives.
+    /// From the simulator's own derivatives. They are not limited: it has them where nothing touches and makes them
+    /// jump.
     pub fn exact(columns: Vec<Vec<Vec<f32>>>, width: usize) -> Self {
         Self { columns, width }
     }

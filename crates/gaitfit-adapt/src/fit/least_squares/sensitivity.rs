@@ -120,6 +120,7 @@ fn together(residuals: &Residuals, width: usize) -> f64 {
     }
     let samples = residuals.recordings.iter().map(|one| one.len() / width.max(1)).max().unwrap_or(0);
     let mut sum = 1.0;
+    // Further apart than a quarter of a log, too few pairs of samples are left.
     for apart in 1..MAX_APART.min(samples / 4) {
         let alike = product(apart) / whole;
         if alike <= 0.0 {

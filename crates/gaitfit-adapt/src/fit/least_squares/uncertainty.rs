@@ -19,7 +19,7 @@ use std::ops::Range;
 
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
-/// Fewest samples of a piece: what happens within belongs together.
+/// Fewest samples of a piece, half a second at 50 Hz: what happens within belongs together.
 const MIN_SAMPLES: usize = 25;
 /// Draws of θ.
 const DRAWS: usize = 64;
@@ -140,6 +140,7 @@ impl<'a> Estimate<'a> {
             let score = &part.slope - &whole.slope / count;
             scores += &score * score.transpose();
         }
+        // The scores are about their mean, so one of them is not free.
         if parts.len() > 1 {
             scores *= count / (count - 1.0);
         }
@@ -167,6 +168,7 @@ impl<'a> Estimate<'a> {
     /// alone, which says how firmly it rests.
     fn sampling(&self) -> Option<Vec<f64>> {
         let entries = self.values.len();
+        // H⁻¹ S H⁻¹ by two solutions, as each step is one with H.
         let mut half = DMatrix::zeros(entries, entries);
         for (at, column) in self.scores.column_iter().enumerate() {
             half.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
@@ -183,6 +185,7 @@ impl<'a> Estimate<'a> {
             let variance = if self.free[at] {
                 covariance[(at, at)]
             } else if self.silent[at] {
+                // Half of the range: two deviations reach from bound to bound.
                 0.25 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower).powi(2)
             } else {
                 self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)

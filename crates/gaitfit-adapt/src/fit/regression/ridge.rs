@@ -102,6 +102,7 @@ impl Robots {
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Prediction>> {
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
         let SymmetricEigen { eigenvectors: vectors, mut eigenvalues } = kernel.symmetric_eigen();
+        // A kernel has no negative eigenvalues; these are rounding.
         eigenvalues.apply(|value| *value = value.max(0.0));
         let largest = eigenvalues.max();
         if !(largest.is_finite() && largest > 0.0) {
@@ -115,6 +116,8 @@ impl Robots {
         let squared = vectors.map(|one| one * one);
         let scaled =
             |by: &DVector<f64>| DMatrix::from_fn(count, entries, |k, entry| by[k] * turned[(k, entry)]);
+        // Leave-one-out errors without another fit: a residual over 1 less its lever (PRESS, Allen 1974). The mean
+        // of the values takes 1/count of each.
         let left_out = |penalty: f64| {
             let shrunk = eigenvalues.map(|value| value / (value + penalty));
             let levers = &squared * &shrunk;
@@ -161,6 +164,7 @@ struct Prediction {
 /// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their own
 /// errors (DerSimonian and Laird 1986).
 fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
+    // An error of 0 would have all the weight.
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
     let variance = |one: &&Prediction| one.error.max(min).powi(2);
     let weighted = |besides: f64| {
@@ -168,6 +172,7 @@ fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
         let sum: f64 = weights().sum();
         (said.iter().zip(weights()).map(|(one, weight)| weight * one.value).sum::<f64>() / sum, sum)
     };
+    // Cochran's Q exceeds its degrees of freedom by what the groups disagree besides their errors.
     let (fixed, sum) = weighted(0.0);
     let squares: f64 = said.iter().map(|one| 1.0 / variance(one).powi(2)).sum();
     let spread: f64 = said.iter().map(|one| (one.value - fixed).powi(2) / variance(one)).sum();
