@@ -222,7 +222,9 @@ pub fn order(log: &Trajectory, model: &Model) -> Order {
     match (here, best) {
         (Some(here), Some((_, best))) if here < CLEARLY * best => Order::Shown,
         (Some(here), Some((order, best))) if *best < CLEARLY * here => Order::Other(named(order)),
+        // Limits exclude all other usual orders.
         (Some(_), None) if others.is_empty() => Order::Shown,
+        // The assumed order is beyond limits. Another one is named only if no third comes near it.
         (None, Some((order, best))) => {
             let rivals = others.iter().filter(|(_, value)| *value < best / CLEARLY).count();
             if rivals == 1 { Order::Other(named(order)) } else { Order::Unknown }
@@ -296,6 +298,7 @@ fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -
             samples.rows.iter().zip(&weights).map(|((_, dq, away), w)| (w[joint], dq[column], away[column]));
         groups.entry(kind(&names[joint])).or_default().extend(blocks(rows, samples.seconds));
     }
+    // Relative to the square of x, so that soft joints count as much as stiff ones.
     let part = |group: &Vec<Block>| {
         let square: f64 = group.iter().map(|block| block[3] * block[3]).sum();
         unexplained(group, None) / square.max(f64::MIN_POSITIVE)

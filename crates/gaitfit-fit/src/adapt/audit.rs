@@ -92,6 +92,7 @@ impl Series {
         let end =
             velocity.len().min(walk.velocity.len() / joints.max(1)).min(walk.fell_at.unwrap_or(usize::MAX));
         let mut series = Self { errors: Vec::new(), motions: Vec::new() };
+        // The change of a target needs two samples before.
         for at in skip.max(2)..end {
             let (last, before) = (at - 1, at - 2);
             let part = |part: usize| command.get(3 * last + part).copied().unwrap_or(0.0);
@@ -167,6 +168,7 @@ fn explained(columns: &[&DVector<f64>], wanted: &DVector<f64>) -> f64 {
     if entries == 0 || wanted.len() <= entries + 1 {
         return 0.0;
     }
+    // 1e-9 keeps the equations solvable if columns follow from each other.
     let matrix = DMatrix::from_fn(entries, entries, |i, j| {
         columns[i].dot(columns[j]) + if i == j { 1e-9 } else { 0.0 }
     });

@@ -134,6 +134,7 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
     };
     let groups = groups(setup);
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
+    // One limit for all joints, by the softest.
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
     let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
     let stiffness: Vec<Measured<'_>> = springs

@@ -115,6 +115,7 @@ fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
 /// Position RMSE of each log of a set, total and by joint.
 fn rmse_of(set: &LogSet, predicted: &[Predicted]) -> Vec<Option<PositionRmse>> {
     let rmse = |(number, log): (usize, &Predicted)| {
+        // Rows after a fall do not matter, so an error over all rows says nothing.
         let stands = log.fell_at.is_none();
         stands.then(|| position_rmse(&set.reference, number, &log.position).ok()).flatten()
     };
@@ -234,6 +235,7 @@ fn last_value(log: &Log, joints: &[String], horizon: usize) -> Option<Predicted>
     let width = joints.len().max(1);
     let held = |values: &[f64]| -> Vec<f32> {
         let row = |row: usize| {
+            // The reading with which the prediction of this sample began.
             let from = row.saturating_sub(1) / horizon.max(1) * horizon.max(1);
             values[from * width..(from + 1) * width].iter().map(|value| *value as f32)
         };

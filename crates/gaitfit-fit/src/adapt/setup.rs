@@ -116,6 +116,7 @@ impl Setup {
             warnings.extend(known::replaced(file, path, &theta));
         }
         let logs = Logs::read(&config, config_path, &method)?;
+        // Only the logs show which parts touch, so the simulator may have to be made anew.
         if let Some(touching) = touching(&config, &method, &robot, feet, &logs.fit) {
             warnings.extend(touching.notes);
             if touching.chosen.is_some() {
@@ -124,6 +125,7 @@ impl Setup {
             }
         }
         let method = method.on(gpus.clone());
+        // The GPU's program is compiled while legs in the air are examined.
         let _ahead = method.walking().map(|walking| gpu_ahead::compile_ahead(walking, &theta, &base));
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
@@ -237,6 +239,7 @@ fn swings(
     let is_corrected = config.swings && config.optimizer.replicates > 0;
     if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {
         let known = known::priors(theta, &swing::numbers_of(method, findings), &config.prior);
+        // Simulated robots correct priors alone, so without a new prior they are not needed.
         if known.len() > config.prior.len() {
             let (threads, gpus) =
                 method.walking().map_or((1, Vec::new()), |walking| (walking.threads, walking.gpus.clone()));

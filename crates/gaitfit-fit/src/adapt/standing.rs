@@ -102,6 +102,7 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
         ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
         ("cost on the fitted logs", |score| score.cost),
     ];
+    // The first baseline is the robot before the fit, which needs a simulator.
     let guesses = evidence.baselines.iter().skip(1);
     let (what, fitted, guess, guessed) = guesses
         .filter_map(|guess| {
@@ -287,6 +288,7 @@ pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
     let narrow = |[_, upper]: [f64; 2]| upper - estimate.lower < TIGHT * (estimate.upper - estimate.lower);
     real && estimate.at_bound
         && estimate.lower == 0.0
+        // At the lower bound, not at the upper one.
         && estimate.value < 0.5 * estimate.upper
         && parameter.truth != Some(0.0)
         && estimate

@@ -123,6 +123,7 @@ impl<'a> Search<'a> {
             });
             let pull = slopes.tr_mul(&residual) + relative(&values);
             let curvature = slopes.tr_mul(&slopes) + DMatrix::identity(unknowns, unknowns);
+            // Marquardt (1963): the damping rises until a step lowers the price, and falls after it.
             let mut moved = false;
             for _ in 0..4 {
                 let damped = &curvature + DMatrix::from_diagonal(&curvature.diagonal()) * damping;

@@ -139,6 +139,7 @@ pub fn read(
     warnings.extend(filled(&logs));
     enough(&logs, &removed)?;
     let policy_match = follow(policy, config, scene, &logs, &mut warnings)?;
+    // Without the base's orientation the policy's actions show falls, but only if they are the policy's.
     if policy_match.agrees() && !policy_match.exact {
         logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
         enough(&logs, &removed)?;
@@ -228,6 +229,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
             .map(|fall| Down {
                 samples: fall.samples,
                 reason: fall.sign.to_string(),
+                // A robot that hangs or is stuck does not walk, but it has not fallen either.
                 fall: !matches!(fall.sign, FallSign::Hanging | FallSign::Stuck),
             })
             .collect();
@@ -354,6 +356,7 @@ fn is_allowed(fall: &Fall, allowed: &[FindingKind]) -> bool {
         FallSign::Height | FallSign::Lying => FindingKind::Lying,
         FallSign::Stuck => FindingKind::Stuck,
         FallSign::Hanging => FindingKind::Hanging,
+        // What the log itself states is no finding of a check that a setting could allow.
         FallSign::Stated => return false,
     };
     allowed.contains(&kind)

@@ -222,6 +222,7 @@ impl Recorder {
                     Ok(_) => {}
                     Err(error) => {
                         let mut slot = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        // The error is that of the first robot, whichever thread fails first.
                         if slot.as_ref().is_none_or(|(other, _)| robot < *other) {
                             *slot = Some((robot, error));
                         }
@@ -240,6 +241,7 @@ impl Recorder {
     /// How the robot begins each recording if its starts are unknown.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<Beginning> {
         let max = EARLIER_S / self.period();
+        // The values of simulated robots are drawn from lower environments of the same purpose.
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {

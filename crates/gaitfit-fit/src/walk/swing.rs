@@ -271,6 +271,7 @@ pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> 
     let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
         let Estimate { value, error } = one;
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
+        // A prior needs a deviation above 0 in five decimals.
         let error = error.max(1e-5);
         let load = if by_load == 0.0 { String::new() } else { format!(", by_load = {by_load:.5}") };
         text += &format!(
@@ -347,6 +348,7 @@ pub fn beside<'a>(
 ) -> Vec<Beside> {
     let numbers = numbers(report, step);
     let fitted: Vec<Fitted<'a>> = fitted.into_iter().collect();
+    // A 95 % interval is about four standard errors wide.
     let error_of = |one: &Fitted<'_>| one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
     // Value and standard error of the fitted friction under load of these joints.
     let load_of = |joints: &[String]| {

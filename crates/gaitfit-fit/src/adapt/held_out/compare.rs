@@ -234,6 +234,7 @@ fn chosen_blocks(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Opt
 fn shuffled(draw: u32, count: usize) -> Vec<usize> {
     let stream = Stream::new(SEED, Purpose::BOOTSTRAP).step(draw);
     let mut order: Vec<usize> = (0..count).collect();
+    // Fisher and Yates's shuffle.
     for place in 0..count.saturating_sub(1) {
         let left = (count - place) as f64;
         order.swap(place, place + (stream.uniform(place as u32) * left) as usize);

@@ -105,6 +105,7 @@ pub enum Verdict {
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
+        // A robot whose simulation diverges is no better than the one before the fit.
         let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;

@@ -24,6 +24,7 @@ pub(super) fn ramped(
     values: &[f64],
 ) -> Result<Option<Suspect>, Error> {
     let step = setup.fit.logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max);
+    // 0.01 is rounding of the period: a log at exactly the fine interval has one part.
     let parts = ((step / FINE_S - 0.01).ceil().max(1.0) as usize).min(MAX_PARTS);
     let mut logs = setup.fit.logs.clone();
     let mut seldom = false;

@@ -60,6 +60,8 @@ impl Response {
                 let fitted = &values * &slope;
                 for row in 0..count {
                     let column = turned.column(row);
+                    // Leave-one-out residuals (PRESS, Allen 1974). A robot that determines a slope alone has a lever
+                    // near 1; the bound keeps its residual finite.
                     let lever: f64 = column.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
                     left[(row, at)] =
                         (wanted[row] - fitted[row]) / (1.0 - lever - 1.0 / count as f64).max(0.1);
