@@ -24,7 +24,7 @@ const BLOCK_S: f64 = 0.5;
 /// Fewer blocks say nothing of an error.
 const BLOCKS: usize = 8;
 
-/// What an effect is.
+/// Kind of an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EffectKind {
@@ -50,7 +50,7 @@ pub enum EffectKind {
 /// An effect as the logs show it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// What it is.
+    /// Its kind.
     pub kind: EffectKind,
     /// The joint group or joint that has it; empty of the ground.
     pub of: String,
@@ -164,7 +164,7 @@ pub fn tilt_beside_twist(
     stance::tilt_beside_twist(&Scene::new(model, walks, swings, settings), group)
 }
 
-/// What swings of one group show. `steps`: the delay in steps.
+/// Effects that the swings of one group show. `steps`: the delay in steps.
 fn of_swings(
     model: &Model,
     name: &str,
@@ -246,7 +246,7 @@ pub(crate) struct Base<'a> {
     blocks: &'a [u64],
     /// Inverse of the normal matrix.
     inverse: DMatrix<f64>,
-    /// What the equations leave.
+    /// Residuals: the known side of each equation less what the solution explains of it.
     left: Vec<f64>,
 }
 

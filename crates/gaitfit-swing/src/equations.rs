@@ -30,9 +30,9 @@ pub(crate) struct Window {
     pub at: f64,
     /// Height that the joint's limb keeps in the window and around it, m.
     pub clearance: f64,
-    /// What friction is multiplied by, in each law of [`crate::FrictionLaw::ALL`].
+    /// Factor of friction: the sign of the velocity, averaged, in each law of [`crate::FrictionLaw::ALL`].
     pub signs: [f64; 2],
-    /// What damping and armature are multiplied by.
+    /// Factors of damping and of armature: the mean velocity and acceleration of the joint.
     pub rates: [f64; 2],
     /// Position gain, N·m/rad.
     pub stiffness: f64,
@@ -40,7 +40,7 @@ pub(crate) struct Window {
     pub angle: f64,
     /// Motor torque without the target's part, N·m.
     pub motor: f64,
-    /// How an error of the base's acceleration changes the torque, kg·m, world axes.
+    /// Change of the torque with an error of the base's acceleration, kg·m, world axes.
     pub lever: [f64; 3],
     /// Torque without the target's part, less what inertia and gravity need, N·m.
     pub known: f64,

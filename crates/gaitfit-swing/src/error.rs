@@ -9,7 +9,7 @@ pub enum SwingError {
     Lacks {
         /// The log.
         log: String,
-        /// What is missing.
+        /// The signals that are missing, in words.
         what: &'static str,
     },
     /// A log in which targets are velocities, as of wheels.
@@ -52,7 +52,7 @@ pub enum SwingError {
     /// No leg was seen in the air.
     #[error("no leg is in the air long enough in {logs} logs: legs must swing for {least_ms:.0} ms or more")]
     NoSwings {
-        /// How many logs were looked at.
+        /// Number of logs that were searched.
         logs: usize,
         /// Length of a swing that counts, ms.
         least_ms: f64,

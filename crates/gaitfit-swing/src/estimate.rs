@@ -160,7 +160,7 @@ impl Choice {
         Some(choices.swap_remove(best))
     }
 
-    /// With errors that hold how much neighbouring choices change the numbers.
+    /// The report of this choice, with errors that hold how much neighbouring choices change the numbers.
     fn report(
         &self,
         model: &Model,

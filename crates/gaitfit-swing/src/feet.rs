@@ -26,13 +26,13 @@ const PUSH_S: f64 = 0.02;
 /// Largest error with which the base's velocity counts as known, m/s.
 const KNOWN: f64 = 0.3;
 
-/// Where limbs are and how the base moves, at every grid point.
+/// Heights and loads of limbs, and the base's motion, at every grid point.
 #[derive(Clone, Debug)]
 pub struct Ground {
     /// Height of the lowest point of what a joint moves above the robot's lowest point, m; infinite where it cannot touch
     /// anything; `len × joints`.
     pub clearance: Vec<f64>,
-    /// How much what a joint moves stands, from 0 to 1; 0 where nothing can touch; `len × joints`.
+    /// Degree to which what a joint moves stands, from 0 to 1; 0 where nothing can touch; `len × joints`.
     pub stands: Vec<f64>,
     /// Velocity of the base's origin, m/s, world axes; not finite where no foot stands.
     pub velocity: Vec<Vec3>,
@@ -53,12 +53,13 @@ pub struct Foot {
     pub force: Vec3,
     /// Upward force on it by the torques of its limb, as a share of the robot's weight; NaN where it is not known.
     pub load: f64,
-    /// How much it stands, from 0 to 1: it bears weight and moves as the other standing feet do.
+    /// Degree to which it stands, from 0 to 1: it bears weight and moves as the other standing feet do.
     pub stands: f64,
 }
 
 impl Ground {
-    /// Of a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch nothing.
+    /// Examines a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch
+    /// nothing.
     pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
         let (points, joints) = (walk.points(), walk.joints);
         let poses = &walk.poses;

@@ -21,7 +21,7 @@ struct Alone<'a> {
     names: Vec<Named>,
     groups: Vec<Group<'a>>,
     law: usize,
-    /// In steps.
+    /// The delay, in steps of the delays.
     delay: f64,
     solutions: Vec<Solution>,
     /// Mean logarithm of the residuals' scale over all windows.
@@ -74,9 +74,9 @@ pub(crate) struct Fit {
     /// All unknowns, the delay in steps last; and without the bounds at 0.
     values: DVector<f64>,
     free: DVector<f64>,
-    /// How all unknowns change with the motors' strength.
+    /// Change of all unknowns with the motors' strength, per 1.
     pub by_strength: DVector<f64>,
-    /// How they change with friction under load of each group.
+    /// Change of all unknowns with friction under load of each group, per 1.
     by_load: Vec<DVector<f64>>,
     pub strength: [f64; 2],
     scales: Vec<f64>,
@@ -94,7 +94,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// With the friction law among `laws` that leaves less unexplained, and this law.
+    /// Fits the windows with the friction law among `laws` that leaves less unexplained; returns that law too.
     pub fn best(
         windows: &[Window],
         named: &[Named],

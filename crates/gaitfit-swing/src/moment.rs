@@ -89,11 +89,11 @@ impl Unknowns {
 /// All rows of a moment at some values of the unknowns.
 pub(crate) struct Moment {
     pub unknowns: Vec<Unknowns>,
-    /// What each row leaves, N·m.
+    /// Residual of each row, N·m.
     pub residuals: Vec<f64>,
     /// Weight over variance of each row: the diagonal of D⁻¹.
     pub precisions: Vec<f64>,
-    /// How an error of the base's acceleration changes each row's torque, kg·m: Λ.
+    /// Change of each row's torque with an error of the base's acceleration, kg·m: Λ.
     levers: Vec<Vector3<f64>>,
     /// Xᵀ D⁻¹ Λ.
     pub across: OMatrix<f64, Dyn, U3>,

@@ -25,7 +25,7 @@ pub(crate) struct Group<'a> {
 }
 
 impl<'a> Group<'a> {
-    /// Of some windows, with a friction law by its place.
+    /// A group of some windows, with a friction law by its place.
     pub fn new(windows: Vec<&'a Window>, law: usize) -> Self {
         Self { offsets: offsets(&windows), windows, law }
     }
@@ -40,7 +40,7 @@ impl<'a> Group<'a> {
         self.offsets.get(&joint).map(|place| SHARED + place)
     }
 
-    /// What the unknowns are multiplied by in a window. The others are multiplied by 0.
+    /// Factors of the unknowns in a window. Unknowns that it does not name have a factor of 0.
     pub fn row(&self, window: &Window) -> Factors {
         let offset = self.offset(window.joint).map_or((0, 0.0), |place| (place, 1.0));
         [(0, window.signs[self.law]), (1, window.rates[0]), (2, window.rates[1]), offset]

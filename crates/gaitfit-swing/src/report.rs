@@ -87,13 +87,14 @@ impl SwingSettings {
     }
 }
 
-/// When a joint's Coulomb friction turns around.
+/// The moment at which a joint's Coulomb friction turns around.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FrictionLaw {
-    /// With the joint.
+    /// Friction turns when the joint does.
     Coulomb,
-    /// As in MuJoCo and this engine, where friction is a soft constraint: some milliseconds before a joint that brakes.
+    /// Friction is a soft constraint, as in MuJoCo and this engine: it turns some milliseconds before a joint that
+    /// brakes.
     Engine,
 }
 
@@ -102,7 +103,7 @@ impl FrictionLaw {
     pub const ALL: [Self; 2] = [Self::Coulomb, Self::Engine];
 }
 
-/// What swings say of one group of joints.
+/// Estimates of one group of joints from its swings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroupEstimate {
     /// The group's name.
@@ -149,7 +150,7 @@ impl GroupEstimate {
     }
 }
 
-/// What swings say of the joints.
+/// Estimates of the joints from their swings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SwingReport {
     /// Groups that swing.

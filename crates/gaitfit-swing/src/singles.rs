@@ -22,7 +22,7 @@ const OWN: f64 = 0.5;
 /// Min number of windows of a joint.
 const ENOUGH: usize = 100;
 
-/// What one joint has by itself, as swings show it.
+/// A spring of one joint, or a motor of another strength than its siblings, as swings show it.
 struct Single<'a> {
     joint: usize,
     /// Stiffness of a spring, N·m/rad, or torque beyond what gains and limits state, as a part of it.
@@ -33,7 +33,7 @@ struct Single<'a> {
     torque: f64,
 }
 
-/// What each joint of all groups has by itself, one effect and one joint at a time.
+/// Springs and motor strengths of single joints, of all groups; one effect and one joint at a time.
 #[derive(Default)]
 pub(crate) struct Singles<'a> {
     springs: Vec<Single<'a>>,

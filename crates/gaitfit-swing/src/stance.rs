@@ -161,7 +161,7 @@ struct StandingFoot<'a> {
 }
 
 impl StandingFoot<'_> {
-    /// How far angles of these joints, rad, lower the foot, m.
+    /// Height by which angles of these joints, rad, lower the foot, m.
     fn lowered(&self, joints: &[usize], angle: impl Fn(usize) -> f64) -> f64 {
         let of_group = self.levers.iter().filter(|(joint, _)| joints.contains(joint));
         of_group.map(|&(joint, lever)| lever * angle(joint)).sum()

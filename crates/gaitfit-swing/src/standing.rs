@@ -24,16 +24,16 @@ pub(crate) const MIN_FEET: usize = 3;
 /// Rounds in which a tilt is taken out and looked at again.
 const ROUNDS: usize = 3;
 
-/// What standing feet say of the inertial unit.
+/// Findings about the inertial unit from feet that stand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// How far the orientation is turned about the base's x and y axes against the plane of the standing feet, rad: the unit
+    /// Turn of the orientation about the base's x and y axes against the plane of the standing feet, rad: the unit
     /// is tilted, or the floor is.
     pub tilt: Option<[Estimate; 2]>,
 }
 
 impl Standing {
-    /// From logs of one robot on level ground. The result does not depend on the number of `threads`.
+    /// Examines logs of one robot on level ground. The result does not depend on the number of `threads`.
     ///
     /// # Errors
     /// Logs without what is needed, see [`SwingError`].

@@ -150,7 +150,7 @@ impl Current {
 }
 
 impl<'a> Equations<'a> {
-    /// From the solutions of each group alone at `delay` (in steps).
+    /// Equations around the solutions of each group alone at `delay` (in steps).
     fn new(
         groups: &'a [Group<'a>],
         solutions: &[Solution],

@@ -17,7 +17,7 @@ pub(crate) struct Bump {
 }
 
 impl Bump {
-    /// Of a length in s on a grid of `step` s: (1 − x²)³, which has two vanishing derivatives at its ends.
+    /// A bump of a length in s on a grid of `step` s: (1 − x²)³, which has two vanishing derivatives at its ends.
     pub fn new(length: f64, step: f64) -> Self {
         // With fewer than two points on each side the slope would be 0 at all of them.
         let half = (0.5 * length / step).round().max(2.0) as usize;
@@ -33,7 +33,7 @@ impl Bump {
     }
 }
 
-/// What a joint has besides the links it moves.
+/// Resistance of a joint besides that of the links it moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drag {
     /// Coulomb friction, N·m.

@@ -33,7 +33,7 @@ pub struct Walk {
     pub rates: Vec<Vec3>,
     /// Times of the log's samples, s, from the first.
     pub sample_times: Vec<f64>,
-    /// How long after its row a target was sent, s.
+    /// Time from a row to the sending of its target, s.
     pub lead: f64,
     /// Targets at the log's samples, rad; `samples × joints`. NaN for joints that the log lacks.
     pub targets: Vec<f64>,
@@ -43,7 +43,7 @@ pub struct Walk {
     pub joints: usize,
     /// Rate within which the sign of a joint's velocity is not sure, rad/s.
     pub sign_rate: f64,
-    /// What follows from the poses and velocities above, computed once.
+    /// Poses of the limbs that follow from the positions and velocities above, computed once.
     pub(crate) poses: Poses,
 }
 

@@ -226,7 +226,7 @@ impl Run {
         })
     }
 
-    /// Where the search was left, see [`RunOutcome::deviations`].
+    /// Width of the search in each entry where it was left, see [`RunOutcome::deviations`].
     fn deviations(&self) -> Vec<f64> {
         match &self.by {
             By::CmaEs { search, .. } if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {

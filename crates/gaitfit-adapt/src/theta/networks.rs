@@ -93,7 +93,7 @@ impl NetworkStart {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkRule {
-    /// What they correct.
+    /// The quantity that the networks correct.
     pub kind: NetworkName,
     /// How many joints share weights. A network sees its own joint alone either way.
     #[serde(default = "per_joint")]
@@ -107,7 +107,7 @@ pub struct NetworkRule {
     /// Upper bound of every weight that is searched.
     #[serde(default = "one")]
     pub upper: f64,
-    /// Where the search begins.
+    /// Start of the search.
     #[serde(default)]
     pub start: NetworkStart,
     /// First standard deviation of every weight that is searched.

@@ -159,7 +159,7 @@ impl GaussNewton {
         Ok(step(&mut [(self, *problem)], generations, tolerance)?.pop().flatten())
     }
 
-    /// Where a step may lead to.
+    /// Candidates for the next step, one per damping.
     fn trials(&self, theta: &Theta, slopes: &Slopes) -> Vec<Trial> {
         let dampings = DAMPINGS.iter().map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING));
         let trial = |damping: f64| {
@@ -296,7 +296,7 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
     Ok(around_all(&[(*problem, values)])?.pop().flatten())
 }
 
-/// As [`around`] of several points, which are simulated together.
+/// Does what [`around`] does for several points, which are simulated together.
 fn around_all(points: &[(Problem<'_>, &[f64])]) -> Result<Vec<Option<Around>>, FitError> {
     let near = points.iter().map(|(problem, values)| Neighbourhood::new(*problem, values));
     let near = near.collect::<Result<Vec<_>, _>>()?;
@@ -311,7 +311,7 @@ struct Neighbourhood<'a> {
     problem: Problem<'a>,
     /// The point, and behind it the two neighbours of each entry.
     candidates: Vec<Vec<f64>>,
-    /// How far these two are apart.
+    /// Distance between the two neighbours of each entry, in its unit.
     steps: Vec<f64>,
     /// The simulator's own derivatives at the point: its neighbours are not needed then.
     exact: Option<Vec<Column>>,

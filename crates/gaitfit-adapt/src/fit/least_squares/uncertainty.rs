@@ -26,10 +26,10 @@ const DRAWS: usize = 64;
 /// Damping that keeps equations solvable in which the logs say nothing of an entry.
 pub(super) const RIDGE: f64 = 1e-9;
 
-/// Where the estimate would be if something were otherwise.
+/// Distance of another estimate from the fit's, and what makes that one differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
-    /// What is otherwise.
+    /// The difference that moves the estimate, in words.
     pub what: String,
     /// How far it is from the values found, one number an entry, in the entry's unit.
     pub by: Vec<f64>,
@@ -54,12 +54,12 @@ pub struct Uncertainty {
 pub struct Alternative<'a> {
     /// How it differs, in words.
     pub what: String,
-    /// It.
+    /// The simulator itself.
     pub simulator: &'a dyn Simulator,
 }
 
-/// Measures it around `values`, where a search of least squares of `problem` ended, with its random draws. With a
-/// `correction` it is that of the corrected values. `None` if the simulation of `values` diverges.
+/// Measures the joint uncertainty of `values`, where a search of least squares of `problem` ended, with its random
+/// draws. With a `correction` it is that of the corrected values. `None` if the simulation of `values` diverges.
 ///
 /// # Errors
 /// As [`super::super::Fit::step`].
@@ -117,9 +117,10 @@ pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss, threads: usize) -
 struct Estimate<'a> {
     theta: &'a Theta,
     values: &'a [f64],
-    /// How much more the choice of logs moves it, as simulated logs are few too.
+    /// Factor on the deviation from the choice of logs: corrected values depend on it more, as simulated logs are
+    /// few.
     inflation: f64,
-    /// How far a corrected value moves where the fit's values move.
+    /// Change of the corrected values per change of the fit's values, where there is a correction.
     response: Option<DMatrix<f64>>,
     whole: Normal,
     /// Entries that neither rest on a bound which holds them, nor lack an effect.
@@ -153,7 +154,7 @@ impl<'a> Estimate<'a> {
         Self { free: free.collect(), theta, values, inflation: 1.0, response: None, whole, silent, scores }
     }
 
-    /// How far a change of the slope moves the estimate.
+    /// Change of the estimate where the slope of the loss changes by `slope`.
     fn step(&self, slope: &DVector<f64>) -> Option<Vec<f64>> {
         self.solve(&self.whole.curvature, slope)
     }

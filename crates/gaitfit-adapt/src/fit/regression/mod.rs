@@ -130,7 +130,7 @@ impl Regression {
 pub struct Logs {
     /// Numbers ([`Distributions::recorded`]).
     pub numbers: Vec<f64>,
-    /// Which of them belong together ([`Distributions::groups`]).
+    /// Ranges of numbers that belong together ([`Distributions::groups`]).
     pub groups: Vec<Range<usize>>,
     /// Threads that learn from the groups. The estimates do not depend on their number.
     pub threads: usize,

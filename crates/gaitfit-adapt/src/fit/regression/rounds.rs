@@ -93,7 +93,7 @@ pub(super) struct Posteriors {
     pub robots: usize,
 }
 
-/// What the rounds are made of.
+/// Inputs of the rounds.
 pub(super) struct Rounds<'a> {
     /// The parameters.
     pub theta: &'a Theta,
