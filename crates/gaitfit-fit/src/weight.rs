@@ -53,7 +53,7 @@ struct Samples {
 }
 
 impl Samples {
-    /// Of a log that has targets and stands still with its base; `None` otherwise.
+    /// The samples of a log that has targets and stands still with its base; `None` otherwise.
     fn new(log: &Trajectory) -> Option<Self> {
         let target = log.target.as_ref()?;
         let walks = log.command.iter().flatten().any(|part| part.abs() > 0.0);
@@ -92,7 +92,8 @@ fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) ->
         .collect()
 }
 
-/// What x leaves unexplained by weight, speed and its sign: the sum of squares, with the gain that fits best, or with `kp`.
+/// The sum of squares of x that weight, speed and its sign leave unexplained, with the gain that fits best, or with
+/// `kp`.
 fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
     let mut square = 0.0;
     let mut normal = Matrix3::<f64>::zeros();
@@ -176,7 +177,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     joints.into_iter().map(finding).collect()
 }
 
-/// What is known of the order of a log's numbered joints.
+/// Finding on the order of a log's numbered joints.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
     /// The log shows that the assumed order is right.
@@ -280,7 +281,8 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
     })
 }
 
-/// What q_des − q leaves unexplained over all joints, siblings with one gain; relative to what the weight is of it.
+/// The part of the squares of q_des − q that weight and friction leave unexplained, mean over groups of siblings,
+/// which share a gain.
 fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -> f64 {
     let width = order.len();
     let weights: Vec<Vec<f64>> = samples

@@ -41,10 +41,10 @@ pub struct Audit {
     pub memory: f64,
     /// Part of the errors' variance that goes with what the robot does, mean over joints.
     pub explained: f64,
-    /// With what it goes most: the name and the largest correlation, mean of the joints' sizes.
+    /// The quantity that errors go with most: its name and the correlation's size, mean over joints.
     #[serde(rename = "most")]
     pub strongest: (String, f64),
-    /// The joint of whose errors most goes with motion, and how much of them.
+    /// The joint of whose errors the largest part goes with motion, and that part, 0 to 1.
     pub worst_joint: (String, f64),
 }
 
@@ -114,7 +114,7 @@ impl Series {
     }
 }
 
-/// The sentence about the errors of one joint.
+/// Properties of the errors of one joint.
 struct Joint {
     memory: f64,
     explained: f64,

@@ -94,7 +94,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     warnings
 }
 
-/// Which parameters the logs do not identify, and from where to where each fits as well.
+/// Parameters that the logs do not identify, each with the range in which it fits as well.
 fn unidentified(fit: &CostFit) -> Option<String> {
     let range = |parameter: &Parameter| {
         let estimate = &parameter.found;

@@ -11,7 +11,7 @@ use gaitfit_adapt::{Cancel, Resets, Rollout, Simulator, Theta, never};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// How well a predictor does.
+/// Quality of a predictor's predictions.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Score {
     /// The predictor.
@@ -56,9 +56,9 @@ pub struct Validation {
 /// A robot as a simulator is asked for it.
 #[derive(Clone, Copy)]
 pub(super) struct Robot<'a> {
-    /// What changes.
+    /// The parameters in which it differs from the simulator's own robot.
     pub theta: &'a Theta,
-    /// How.
+    /// Their values.
     pub values: &'a [f64],
 }
 
@@ -68,7 +68,7 @@ impl Robot<'_> {
         self.simulate_until(simulator, resets, &never)
     }
 
-    /// As [`Self::simulate`], until `cancel` asks to stop: then an error of the kind `Interrupted`.
+    /// Does what [`Self::simulate`] does, until `cancel` asks to stop: then an error of the kind `Interrupted`.
     pub fn simulate_until(
         self,
         simulator: &dyn Simulator,
@@ -78,7 +78,7 @@ impl Robot<'_> {
         self.simulate_drawn(simulator, resets, 0, cancel)
     }
 
-    /// As [`Self::simulate_until`], with the random draws of number `draw`.
+    /// Does what [`Self::simulate_until`] does, with the random draws of number `draw`.
     pub fn simulate_drawn(
         self,
         simulator: &dyn Simulator,

@@ -14,7 +14,7 @@ const ALIKE: f64 = 0.8;
 /// A parameter whose 95 % interval covers this part of its bounds or more is not told.
 const MAX_SHARE: f64 = 0.5;
 
-/// How well logs identify the parameters.
+/// Precision with which logs identify the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SensitivityResults {
     /// Robot name.
@@ -29,11 +29,11 @@ pub struct SensitivityResults {
     pub together_seconds: f64,
     /// The parameters.
     pub parameters: Vec<ParameterSensitivity>,
-    /// What to know before trusting the numbers.
+    /// Facts to know before trusting the numbers.
     pub warnings: Vec<String>,
 }
 
-/// How precisely logs identify a parameter.
+/// Precision with which logs identify a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterSensitivity {
     /// Its name.
@@ -142,10 +142,11 @@ pub fn sensitivity(
     })
 }
 
-/// How well the logs of `problem` identify every entry of θ around `values`; `None` if the simulation there diverges.
+/// Precision with which the logs of `problem` identify every entry of θ around `values`; `None` if the simulation
+/// there diverges.
 ///
 /// # Errors
-/// As [`sensitivity`].
+/// The errors of [`sensitivity`].
 pub fn sensitivities(
     problem: Problem<'_>,
     values: &[f64],

@@ -39,7 +39,7 @@ pub struct Setup {
     pub config: AdaptConfig,
     /// The robot that θ changes.
     pub base: Candidate,
-    /// How the logs are simulated.
+    /// The method by which the logs are simulated.
     pub method: Method,
     /// The fitted parameters.
     pub theta: Theta,
@@ -67,15 +67,15 @@ pub struct Setup {
     pub warnings: Vec<String>,
     /// The devices that simulate.
     pub devices: Devices,
-    /// Where the settings were read, which relative paths may start from.
+    /// File of the settings, from which relative paths may start.
     pub config_path: PathBuf,
     /// Whether the caller gave the policy, so that it is in no file.
     pub own_policy: bool,
-    /// What the fitted logs show without a simulation, if priors or further parameters come from it.
+    /// Findings in the fitted logs without a simulation, if priors or further parameters come from them.
     pub swings: Option<SwingFindings>,
     /// The workers that simulate besides this process, if there are some.
     pub shares: Option<Shares>,
-    /// How long the whole fit may take; without one as long as it needs.
+    /// Limit on the duration of the whole fit; without one it takes as long as it needs.
     pub limit: Option<Limit>,
 }
 
@@ -219,7 +219,8 @@ impl Setup {
     }
 }
 
-/// What `logs` show without a simulation, if priors or further parameters come from it; corrected by simulated robots if
+/// Findings in `logs` without a simulation, if priors or further parameters come from them; corrected by simulated
+/// robots if
 /// priors of `theta` do.
 #[allow(clippy::too_many_arguments, reason = "all that a fit has read")]
 fn swings(
@@ -327,7 +328,7 @@ fn with_defaults(config: &AdaptConfig, devices: &Devices) -> AdaptConfig {
     config
 }
 
-/// What to know of the robot and its policy.
+/// Facts to know of the robot and its policy.
 fn remarks(method: &Method, policy: Option<&Policy>, robot: &Model) -> Vec<String> {
     let mut remarks = crate::robot::remarks(method.model());
     if let Some(policy) = policy {
@@ -337,7 +338,7 @@ fn remarks(method: &Method, policy: Option<&Policy>, robot: &Model) -> Vec<Strin
     remarks
 }
 
-/// What makes logs of simulated robots, where a fit is corrected by such logs.
+/// The maker of logs of simulated robots, where a fit is corrected by such logs.
 fn replicas(
     config: &AdaptConfig,
     method: &Method,

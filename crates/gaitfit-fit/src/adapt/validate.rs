@@ -35,7 +35,7 @@ pub struct ValidateRequest {
     pub policy: Option<Policy>,
 }
 
-/// How well a finished fit predicts other logs.
+/// Quality of a finished fit's predictions of other logs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ValidateResults {
     /// The fitted parameters.
@@ -67,7 +67,7 @@ pub struct ValidateResults {
     pub verdict: Option<Verdict>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
-    /// What to know before trusting the numbers.
+    /// Facts to know before trusting the numbers.
     pub warnings: Vec<String>,
 }
 

@@ -28,7 +28,8 @@ const ENOUGH: f64 = 0.08;
 /// A right arrangement has at most this share of the mismatch of a wrong one.
 const CLEARLY: f64 = 0.4;
 
-/// What makes the logged actions follow from the policy; `None` if nothing that is tried does, or if they follow as they
+/// Searches an arrangement with which the logged actions follow from the policy; `None` if none that is tried does,
+/// or if they follow as they
 /// are. `logs`: joints in the policy's order, at its rate, with actions.
 pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<Diagnosis> {
     // A caller's function may be slow, or count its calls. A motion's joints would have to be arranged too.
@@ -121,11 +122,11 @@ fn arranged(
 /// A log beside a policy.
 #[derive(Clone, Debug, Serialize)]
 pub struct LogMatch {
-    /// How well its actions follow from the policy.
+    /// Agreement of its actions with the policy.
     pub policy_match: PolicyMatch,
     /// Doubts, each a sentence; empty if the policy walked in this log.
     pub doubts: Vec<String>,
-    /// What was assumed, each a sentence.
+    /// Assumptions, each a sentence.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Whether another policy walked in this log. Without it, what else is doubtful need not be wrong.

@@ -19,18 +19,18 @@ use serde::Serialize;
 /// An arrangement that fits where the given one does not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Diagnosis {
-    /// What is different, each in words.
+    /// The differences, each in words.
     pub changes: Vec<String>,
-    /// What to set so that it fits, each a line of a policy's description or of a configuration.
+    /// The settings with which it fits, each a line of a policy's description or of a configuration.
     pub settings: Vec<String>,
     /// The measure of the given arrangement, and with the changes; smaller is better.
     pub measure: [f64; 2],
-    /// What the measure is, in words.
+    /// Name of the measure.
     pub measured: &'static str,
 }
 
 impl Diagnosis {
-    /// In a sentence or two.
+    /// The diagnosis in a sentence or two.
     pub fn text(&self) -> String {
         let [before, after] = self.measure;
         format!(
@@ -42,7 +42,8 @@ impl Diagnosis {
     }
 }
 
-/// How a policy's outputs and a log or robot belong together. It begins as the policy's file says.
+/// The order, signs and scales by which a policy's outputs and a log or robot belong together. It begins as the
+/// policy's file says.
 #[derive(Clone, Debug)]
 struct Arrangement {
     interface: Interface,
@@ -71,7 +72,7 @@ enum Change {
     Terms([usize; 2]),
 }
 
-/// What is in another order.
+/// The part that is in another order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ordered {
     /// The names in `joints` alone: pose, gains and scales are right place by place.
@@ -95,7 +96,8 @@ impl Arrangement {
         }
     }
 
-    /// With `change`. `derived`: whether the log's actions follow from its targets, or there is no log, so that the
+    /// The same arrangement with `change`. `derived`: whether the log's actions follow from its targets, or there is
+    /// no log, so that the
     /// interface's scale decides, not the log's columns.
     fn with(&self, change: &Change, derived: bool) -> Self {
         let mut new = self.clone();

@@ -22,7 +22,8 @@ const CLEARLY: f64 = 0.5;
 /// Measure that needs no further change.
 const ENOUGH: f64 = 0.35;
 
-/// What makes the policy of `world` walk; `None` if nothing that is tried does. Policies that gaitfit trained are as their
+/// Searches an arrangement with which the policy of `world` walks; `None` if none that is tried does. Policies that
+/// gaitfit trained are as their
 /// files say, so they are not tried. Once `watch` asks to stop it returns soon, with nothing.
 pub fn of_walk(world: &World, seed: u64, threads: usize, watch: &Watch<'_>) -> Option<Diagnosis> {
     let policy = &world.policy;

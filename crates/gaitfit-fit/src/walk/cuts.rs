@@ -18,11 +18,11 @@ const STANDS_S: f64 = 1.0;
 pub struct Cut {
     /// The log's name.
     pub log: String,
-    /// Where it begins, s, the log's own time.
+    /// Its start, s, the log's own time.
     pub from_s: f64,
-    /// Where it ends, s.
+    /// Its end, s, the log's own time.
     pub to_s: f64,
-    /// What shows it, in words.
+    /// Evidence for it, in words.
     pub reason: String,
     /// Why it does not count.
     pub kind: CutKind,
@@ -57,7 +57,7 @@ impl CutKind {
 pub struct Down {
     /// The samples.
     pub samples: Range<usize>,
-    /// What shows it, in words.
+    /// Evidence for it, in words.
     pub reason: String,
     /// Whether it is the end of a fall, if the robot stood before. One that hangs has not fallen.
     pub fall: bool,

@@ -14,9 +14,9 @@ const MAX_FILES: usize = 100_000;
 /// A log file and what to call it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogFile {
-    /// As a message shows it.
+    /// The name in messages.
     pub name: String,
-    /// Where it lies.
+    /// The path to it.
     pub path: PathBuf,
 }
 

@@ -52,7 +52,7 @@ pub struct LogNotes {
     pub warnings: Vec<String>,
     /// Parts that do not count.
     pub cuts: Vec<Cut>,
-    /// How often the robot falls.
+    /// Falls of the robot, and its time on its feet.
     pub falling: Falling,
     /// Commands covered.
     pub coverage: Coverage,
@@ -80,7 +80,7 @@ impl LogNotes {
 
 /// A log as read, joints in the policy's order.
 pub struct Read {
-    /// Where from.
+    /// The file that it was read from.
     pub file: LogFile,
     /// Files beside it that were read.
     pub sidecars: Vec<PathBuf>,
@@ -92,7 +92,7 @@ pub struct Read {
     allowed: Vec<FindingKind>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
-    /// How reading it changed its times, in words.
+    /// Changes of its times on reading, in words.
     even: Option<String>,
     /// The place in a motion that was assumed, in words.
     motion: Option<String>,
@@ -397,7 +397,7 @@ fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
     }
 }
 
-/// How many numbers a log holds.
+/// Count of the numbers that a log holds.
 fn numbers(log: &Trajectory) -> usize {
     let base = log.base.as_ref();
     let optional = [

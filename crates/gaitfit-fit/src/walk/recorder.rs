@@ -238,7 +238,7 @@ impl Recorder {
         (EARLIER_S / self.period() + 1.0) as usize
     }
 
-    /// How the robot begins each recording if its starts are unknown.
+    /// The beginning of each recording if the robot's starts are unknown.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<Beginning> {
         let max = EARLIER_S / self.period();
         // The values of simulated robots are drawn from lower environments of the same purpose.

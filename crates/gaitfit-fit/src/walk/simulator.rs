@@ -27,7 +27,7 @@ pub struct WalkSimulator {
     filled: Vec<Filled>,
     /// The readings of the logs' sensors.
     readings: Readings,
-    /// How much standing feet are trusted to show how the base moves, see [`predict::Job::feet_trust`].
+    /// Trust in standing feet to show how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
     /// Joints of the model, which θ names.
     model_joints: Vec<String>,

@@ -36,7 +36,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// By the motors of the joints `moved` of one kind.
+    /// The scale by the motors of the joints `moved` of one kind.
     fn new(model: &Model, moved: &[usize], kind: JointKind) -> Self {
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
         let mut torques: Vec<f64> = moved

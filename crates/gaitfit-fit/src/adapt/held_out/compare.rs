@@ -17,10 +17,11 @@ use std::sync::Arc;
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.5;
-/// How often halves are drawn, and the fewest blocks that halves are drawn of.
+/// Number of times that halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
-/// How often walks are simulated, with other random draws, if the robot itself falls: one fall more or less moves the distance by
+/// Simulations of the walks, each with other random draws, if the robot itself falls: one fall more or less moves
+/// the distance by
 /// more than all else.
 const FALLING_SIMULATIONS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
@@ -100,7 +101,7 @@ pub fn held_out(
     }))
 }
 
-/// How often [`held_out`] simulates the walks with each of its two robots, at most.
+/// Number of times that [`held_out`] simulates the walks with each of its two robots, at most.
 pub fn simulations(method: &Method, set: &LogSet) -> usize {
     match (method.walking(), set.reference.fall_rate() > 0.0) {
         (None, _) => 0,

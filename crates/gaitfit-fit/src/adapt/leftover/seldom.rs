@@ -15,7 +15,8 @@ const HELD_S: f64 = 0.1;
 /// Max rows in the place of one.
 const MAX_PARTS: usize = 16;
 
-/// What the logs would say if targets moved smoothly from one to the next instead of being held: of a robot whose targets are
+/// Tests whether targets that move smoothly from one to the next, instead of being held, explain the logs: of a
+/// robot whose targets are
 /// sent more often than the log has them. `None` where the log has every target.
 pub(super) fn ramped(
     setup: &Setup,

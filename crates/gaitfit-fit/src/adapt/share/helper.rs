@@ -52,10 +52,10 @@ impl Helper {
         Ok(Self { setup, with_springs: Mutex::new(None) })
     }
 
-    /// As [`Setup::mark`].
+    /// The mark of the setup, see [`Setup::mark`].
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Setup::mark`].
     pub fn mark(&self) -> Result<String, Error> {
         self.setup.mark()
     }

@@ -16,13 +16,13 @@ const EACH: usize = 3;
 /// The simulator `local`, on other machines.
 pub(super) struct Shared {
     pub local: Box<SharedSimulator>,
-    /// As tasks name it.
+    /// The number by which tasks name it.
     pub number: usize,
     pub shares: Shares,
 }
 
 impl Shared {
-    /// How `count` candidates are cut.
+    /// Ranges of candidates, one a task, into which `count` candidates are cut.
     fn pieces(&self, count: usize) -> Vec<Range<usize>> {
         pieces(count, self.local.recordings(), self.shares.crew.places())
     }

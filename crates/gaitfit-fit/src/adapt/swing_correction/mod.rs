@@ -69,7 +69,7 @@ pub struct Robot<'a> {
     pub policy: &'a Policy,
     /// The model.
     pub model: &'a Model,
-    /// What the fit changes.
+    /// The robot that the fit changes.
     pub base: &'a Candidate,
     /// Threads.
     pub threads: usize,
@@ -115,7 +115,7 @@ pub fn correct(
     Ok(())
 }
 
-/// What the logs of one robot show.
+/// Estimates and effects that the logs of one robot show.
 type Shown = (SwingReport, Vec<Effect>);
 
 /// The simulated robots, and the settings with which their logs are estimated.
