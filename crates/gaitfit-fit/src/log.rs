@@ -35,9 +35,8 @@ pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
 }
 
 /// The note of a fit of `logs` on their leads, if they have some. A replay is given the targets, so that a delay
-/// counts from
-/// their stamps. In a walk (`walks`) the policy computes them from the state of the row, and a delay counts from there, as in
-/// a training.
+/// counts from their stamps. In a walk (`walks`) the policy computes them from the state of the row, and a delay
+/// counts from there, as in a training.
 ///
 /// # Errors
 /// Logs of a replay whose leads differ by more than half a millisecond: one delay cannot count from all of them.

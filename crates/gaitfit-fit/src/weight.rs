@@ -58,6 +58,7 @@ impl Samples {
         let target = log.target.as_ref()?;
         let walks = log.command.iter().flatten().any(|part| part.abs() > 0.0);
         let turns = log.base.iter().filter_map(|base| base.angular_velocity.as_ref()).flatten();
+        // In a walk the ground's forces load joints too, and [`holding`] takes the base to be level and at rest.
         if walks || turns.into_iter().any(|rate| rate.abs() > 0.5) || log.len() < 50 {
             return None;
         }
@@ -105,6 +106,7 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
         right += row * x;
         square += x * x;
     }
+    // Keeps the equations solvable where a joint does not move.
     normal += Matrix3::identity() * (1e-9 * normal.trace().max(f64::MIN_POSITIVE));
     let Some(mut fit) = normal.cholesky().map(|factor| factor.solve(&right)) else { return f64::INFINITY };
     if fit[0] < 0.0 {
@@ -113,6 +115,7 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
         let rest = part.cholesky().map(|factor| factor.solve(&right.fixed_rows::<2>(1).into_owned()));
         fit = rest.map_or_else(Vector3::zeros, |rest| Vector3::new(0.0, rest[0], rest[1]));
     }
+    // Without the weight the fit is no minimum of all three, so this is not `fit · right`.
     let explained = 2.0 * fit.dot(&right) - (fit.transpose() * normal * fit)[0];
     (square - explained).max(0.0)
 }

@@ -233,8 +233,7 @@ impl Equations {
     }
 }
 
-/// A block of time of a log.
-/// The log has the upper half of the number, the block the lower one.
+/// A block of time of a log. The log has the upper half of the number, the block the lower one.
 pub(crate) fn block(log: usize, at: f64) -> u64 {
     ((log as u64) << 32) + (at.max(0.0) / BLOCK_S) as u64
 }

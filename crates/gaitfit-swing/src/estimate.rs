@@ -15,11 +15,11 @@ use std::ops::ControlFlow;
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
 const PASSES: usize = 2;
-/// An early pass tries one of this many clearances.
-/// An early pass gives the next one a delay and the joints' drag, for which a coarse choice is enough.
+/// An early pass tries one of this many clearances. It gives the next pass a delay and the joints' drag, for
+/// which a coarse choice is enough.
 const CLEARANCE_STRIDE: usize = 3;
-/// Delay of the first pass, s.
-/// A real Go2 shows 5 to 6 ms (docs/results/swings.md). The first pass only judges with it which feet stand.
+/// Delay of the first pass, s. A real Go2 shows 5 to 6 ms (docs/results/swings.md). The first pass only judges with
+/// it which feet stand.
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths are tried too, as parts of the usual length. Errors then hold how much the length
 /// changes the numbers.

@@ -113,6 +113,7 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
             return Ok(None);
         }
         for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
+            // The log's number in the upper half keeps blocks of different logs apart.
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
             let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();

@@ -105,6 +105,7 @@ impl Covariance {
         match self {
             Self::Full { c, d, .. } => {
                 let n = d.len();
+                // Each value is computed once for both triangles, so that C stays symmetric to the last bit.
                 for i in 0..n {
                     for j in 0..=i {
                         let rank_mu: f64 = weights.iter().zip(steps).map(|(w, y)| w * (y[i] * y[j])).sum();
@@ -183,6 +184,7 @@ fn decompose(c: &mut [f64], b: &mut [f64], d: &mut [f64]) -> bool {
         return false;
     };
     let mut order: Vec<usize> = (0..n).collect();
+    // Ascending, so that the number of an axis does not depend on the order in which the decomposition finds them.
     order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
     for (column, source) in order.into_iter().enumerate() {
         d[column] = positive(eigen.eigenvalues[source]).sqrt();

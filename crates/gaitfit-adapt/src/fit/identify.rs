@@ -73,6 +73,7 @@ pub fn identify(
     let views = Views::new(cost, recordings, simulator.logs());
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
+    // Several recordings show the noise by their differences; of a single one only other random draws can.
     let more = if views.count() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =
         (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
@@ -93,6 +94,7 @@ pub fn identify(
     };
     let rise = |costs: &Vec<f64>| {
         let rises: Vec<f64> = costs.iter().zip(&centre).map(|(there, here)| there - here).collect();
+        // The first view holds all recordings. The others leave a group out, for the jackknife.
         (rises[0], jackknife(&rises[1..]).max(fixed).max(floor))
     };
 

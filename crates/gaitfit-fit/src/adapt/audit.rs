@@ -101,6 +101,7 @@ impl Series {
                 velocity[last],
                 (velocity[last] / SLOW).tanh(),
                 velocity[last] - velocity[before],
+                // The torque of a position controller but for its gains.
                 target[last] - position[last],
                 target[last] - target[before],
                 part(0),

@@ -220,8 +220,7 @@ impl Setup {
 }
 
 /// Findings in `logs` without a simulation, if priors or further parameters come from them; corrected by simulated
-/// robots if
-/// priors of `theta` do.
+/// robots if priors of `theta` do.
 #[allow(clippy::too_many_arguments, reason = "all that a fit has read")]
 fn swings(
     config: &AdaptConfig,

@@ -94,8 +94,7 @@ pub fn refusal(doubts: &[Doubt]) -> Option<String> {
 }
 
 /// The doubt that a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or
-/// else of those that
-/// were, or else by the cost.
+/// else of those that were, or else by the cost.
 fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
     type Measure = fn(&Score) -> Option<f64>;
     let measures: [(&str, Measure); 3] = [
@@ -239,9 +238,8 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
 }
 
 /// The doubt that values rest on bounds of their search. 0 is an end of many quantities; a value rests there where
-/// the logs exclude
-/// all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they are noise, a simulated robot
-/// without friction or delay may have made the log.
+/// the logs exclude all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they
+/// are noise, a simulated robot without friction or delay may have made the log.
 fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let named = |is_so: &dyn Fn(&Parameter) -> bool| -> Vec<String> {
         parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()

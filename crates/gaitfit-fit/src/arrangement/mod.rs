@@ -97,8 +97,7 @@ impl Arrangement {
     }
 
     /// The same arrangement with `change`. `derived`: whether the log's actions follow from its targets, or there is
-    /// no log, so that the
-    /// interface's scale decides, not the log's columns.
+    /// no log, so that the interface's scale decides, not the log's columns.
     fn with(&self, change: &Change, derived: bool) -> Self {
         let mut new = self.clone();
         match change {
@@ -161,6 +160,7 @@ impl Arrangement {
     fn flip(&mut self, name: &str, flipped: &[bool], actions_alone: bool, derived: bool) {
         let sign = |joint: usize| if flipped[joint] { -1.0 } else { 1.0 };
         let joints = flipped.len();
+        // Actions that follow from targets turn with the joint. Logged ones are the policy's own outputs and do not.
         if derived {
             (0..joints).for_each(|joint| self.interface.action_scale[joint] *= sign(joint));
         } else if actions_alone {
@@ -219,6 +219,7 @@ impl Arrangement {
 fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change> {
     let mut changes = Vec::new();
     let uniform = |list: &[f64]| list.iter().all(|value| (value - list[0]).abs() < 1e-9);
+    // Where every list has one number for all joints, reordering the lists too changes nothing.
     let lists = [&interface.default_pose, &interface.action_scale, &interface.kp, &interface.kd];
     let plain = lists.iter().all(|list| uniform(list));
     for (name, order) in limbs.orders() {
@@ -235,6 +236,7 @@ fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change>
             changes.push(Change::Signs { name, flipped, actions_alone });
         }
     }
+    // Ratios between the usual action scales 0.25, 0.5 and 1.
     changes.extend([0.25, 0.5, 2.0, 4.0].map(Change::ActionScale));
     // The factors of legged_gym, walk-these-ways and Isaac Lab's usual tasks; gravity that points up; an action that is observed
     // as the change of the target.

@@ -228,6 +228,7 @@ fn headline(shown: &Shown, distance_rad: [Option<f64>; 2], fell_s: Option<f64>) 
 /// The robots, at most [`MAX_FRAME_HZ`] frames a second.
 fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     let dt = shown.log.dt();
+    // A log at 60 Hz shows every row, whatever the last digit of its step says.
     let every = (1.0 / (dt * MAX_FRAME_HZ) - 0.01).ceil().max(1.0) as usize;
     let shape = crate::replay::shape("", &shown.model, &[]);
     let whole = |position: &[f64]| -> Vec<f64> {

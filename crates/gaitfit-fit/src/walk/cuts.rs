@@ -104,6 +104,7 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
     for range in kept {
         let mut begin = range.start;
         for next in range.start + 1..range.end {
+            // Below 30 Hz a tenth of a second is hardly more than jitter: there three steps count.
             if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
                 whole.push(begin..next);
                 let (from_s, to_s) = (time[next - 1], time[next]);

@@ -98,6 +98,7 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
             !part.as_os_str().to_string_lossy().contains(['*', '?', '[', '{'])
         };
         let root: PathBuf = pattern.components().take_while(plain).collect();
+        // `**` stands for any number of folders; a number bounds the search.
         let depth =
             if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
         let matcher = glob.compile_matcher();

@@ -137,6 +137,7 @@ impl Comparison {
                     continue;
                 }
                 seen += 1;
+                // The first row has no action before it, which the policy may observe.
                 let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
                 if let Some(at) = at.filter(|_| seen % every == 0) {
                     chosen.push((sample, row(at), action[(at - 1) * joints..at * joints].to_vec()));

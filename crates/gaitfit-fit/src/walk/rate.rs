@@ -49,8 +49,7 @@ pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Regular, LogError
     // An action that is stamped a little after the new sample's time was chosen there.
     let early = if ratio > 1.0 { 0.5 * log.dt() } else { 0.0 };
     let trajectory = log.slice(first_change(log, ratio)..log.len())?.resample_early(needed, early)?;
-    // Rows within a gap of the faster log.
-    // A gap shorter than half a control period loses no row.
+    // Rows within a gap of the faster log. A gap shorter than half a control period loses no row.
     let gap = (1.5 * log.dt()).max(0.5 * control_dt);
     let in_gap = |at: f64| {
         let next = log.time.partition_point(|time| *time <= at + 1e-9);

@@ -78,8 +78,7 @@ impl SwingFindings {
     }
 
     /// The findings of [`Self::new`] without effects beyond the model; and the logs as walks, without faults of
-    /// sensors. There
-    /// are no walks if the logs lack what is needed.
+    /// sensors. There are no walks if the logs lack what is needed.
     pub fn without_effects(
         model: &Model,
         logs: &[&Trajectory],

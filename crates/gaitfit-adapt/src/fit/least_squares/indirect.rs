@@ -98,8 +98,7 @@ pub struct Round {
     /// Its torque noise, N·m.
     pub torque_noise: f64,
     /// Ends of the fits of its logs, relative to a fit of the real ones that ends where the slope of its loss does.
-    /// Bounds
-    /// do not limit them.
+    /// Bounds do not limit them.
     pub fits: Vec<Vec<f64>>,
 }
 

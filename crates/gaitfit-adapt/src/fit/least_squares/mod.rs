@@ -38,8 +38,8 @@ pub const MAX_ENTRIES: usize = 200;
 /// Distance of the two candidates of a derivative from their middle, in an entry's deviations: far enough for the effect
 /// to stand out from feet that touch the ground a moment sooner or later.
 const PROBE: f64 = 0.5;
-/// Dampings tried in a generation, times the one that served last.
-/// All four are simulated together. The first one lets the damping fall again.
+/// Dampings tried in a generation, times the one that served last. All four are simulated together. The first one
+/// lets the damping fall again.
 const DAMPINGS: [f64; 4] = [1e-2, 1.0, 1e2, 1e4];
 /// The damping of the first step, as in Press et al., "Numerical Recipes", section 15.5.
 const FIRST_DAMPING: f64 = 1e-3;
@@ -48,11 +48,11 @@ const MIN_DAMPING: f64 = 1e-9;
 const MAX_DAMPING: f64 = 1e9;
 /// A loss that falls by less than this part has come to its end.
 const PROGRESS: f64 = 1e-7;
-/// How much the damping rises where no step is downhill.
-/// The least factor of the next [`DAMPINGS`] then gives the largest damping that was tried.
+/// How much the damping rises where no step is downhill. The least factor of the next [`DAMPINGS`] then gives the
+/// largest damping that was tried.
 const RISE: f64 = 1e6;
-/// Where no step is downhill with this damping, none is.
-/// The largest trial has a damping of at least 1e6, and its step is too short to matter.
+/// Where no step is downhill with this damping, none is. The largest trial has a damping of at least 1e6, and its
+/// step is too short to matter.
 const STEEP: f64 = 1e2;
 
 /// The state of a search; one generation is one step.

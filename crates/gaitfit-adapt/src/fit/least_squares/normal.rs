@@ -204,6 +204,7 @@ impl Normal {
             if !free[i] || diagonal <= 1e-300 || !diagonal.is_finite() {
                 matrix.fill_row(i, 0.0);
                 matrix.fill_column(i, 0.0);
+                // The row, the column and the slope are 0, so any positive number keeps the entry where it is.
                 matrix[(i, i)] = largest.max(1e-300);
                 slope[i] = 0.0;
             } else {

@@ -61,9 +61,8 @@ impl Response {
         let noisy = noises().filter(|noise| *noise > 0.0).count();
         let noise =
             noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + MIN_NOISE.powi(2);
-        // The response beyond one to one, times the differences of robots.
-        // The ridge is the variance of the fits over that of the answer: what a normal prior of deviation DOUBT
-        // amounts to.
+        // The response beyond one to one, times the differences of robots. The ridge is the variance of the fits
+        // over that of the answer: what a normal prior of deviation DOUBT amounts to.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
         for ((one, its), weight) in robots.iter().zip(&fits).zip(&weights) {

@@ -45,6 +45,7 @@ pub fn with_priors(
             return 1.0 + INDEPENDENT;
         }
         let product = left[a].iter().zip(&left[b]).map(|(a, b)| a * b).sum::<f64>() / left[a].len() as f64;
+        // Where all errors of an entry are 0 the quotient is not a number, and nothing correlates with it.
         let correlation = product / (sizes[a] * sizes[b]);
         if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
     });

@@ -123,6 +123,7 @@ impl Robots {
             let levers = &squared * &shrunk;
             let mut errors = &vectors * scaled(&shrunk) - &wanted;
             for (mut row, lever) in errors.row_iter_mut().zip(levers.iter()) {
+                // A robot that determines a prediction alone has a lever near 1; the bound keeps its error finite.
                 row /= (1.0 - lever - 1.0 / count as f64).max(1e-9);
             }
             errors
@@ -136,6 +137,8 @@ impl Robots {
             let weights =
                 DVector::from_fn(count, |k, _| turned[(k, entry)] / (eigenvalues[k] + penalties[best]));
             let (errors, wanted) = (tried[best].column(entry), wanted.column(entry));
+            // The slope of the predictions (error plus value) on the values. A penalty only shrinks, so a slope
+            // above 1 is chance.
             let slope = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
             let slope = if slope.is_finite() && slope > MIN_SLOPE { slope.min(1.0) } else { 1.0 };
             let left_out: Vec<f64> = errors

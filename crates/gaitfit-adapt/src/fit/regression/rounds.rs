@@ -119,6 +119,7 @@ impl Rounds<'_> {
             (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
         for round in 0..MAX_ROUNDS {
             let bounds = around(entries, &centre, &half);
+            // Before the first round no errors are known whose correlations robots could have.
             let robots = match &latest {
                 None => self.evenly(&bounds, round),
                 Some(latest) => self.correlated(&latest.groups, &centre, &half, round),

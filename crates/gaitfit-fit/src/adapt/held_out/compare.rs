@@ -21,8 +21,7 @@ const BLOCK_S: f64 = 0.5;
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
 /// Simulations of the walks, each with other random draws, if the robot itself falls: one fall more or less moves
-/// the distance by
-/// more than all else.
+/// the distance by more than all else.
 const FALLING_SIMULATIONS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;

@@ -123,8 +123,7 @@ impl Leftover {
 }
 
 /// Examines the errors of the fit by cost number `number` at `values`, where its cost is `cost`; absent of walks,
-/// and where samples are
-/// not compared one by one. `noise_alone`: see [`Leftover`].
+/// and where samples are not compared one by one. `noise_alone`: see [`Leftover`].
 pub(super) fn leftover(
     setup: &Setup,
     number: usize,

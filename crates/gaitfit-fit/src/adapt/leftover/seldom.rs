@@ -16,8 +16,7 @@ const HELD_S: f64 = 0.1;
 const MAX_PARTS: usize = 16;
 
 /// Tests whether targets that move smoothly from one to the next, instead of being held, explain the logs: of a
-/// robot whose targets are
-/// sent more often than the log has them. `None` where the log has every target.
+/// robot whose targets are sent more often than the log has them. `None` where the log has every target.
 pub(super) fn ramped(
     setup: &Setup,
     number: usize,

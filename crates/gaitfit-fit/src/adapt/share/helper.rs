@@ -72,6 +72,7 @@ impl Helper {
             Values::None => &nothing,
             Values::Fitted { springs } if springs.is_empty() => &self.setup.theta,
             Values::Fitted { springs } => match &mut *with_springs {
+                // Most tasks ask for the same springs as the one before, so their θ is kept.
                 Some((known, theta)) if *known == springs => theta,
                 other => {
                     let theta = self.setup.with_springs(&springs).map_err(SimulatorError::failed)?;
