@@ -110,6 +110,7 @@ fn ramp(target: &mut [f64], width: usize, longest: usize) {
         }
         let short = |at: usize| at + 1 < knots.len() && knots[at + 1].0 - knots[at].0 <= longest;
         let slope = |at: usize| {
+            // At the first target and beside a long hold the robot is at rest, so curves begin and end flat there.
             if at == 0 || !short(at - 1) || !short(at) {
                 return 0.0;
             }

@@ -29,6 +29,7 @@ impl Shared {
 
     /// Whether work of so many pieces is done here.
     fn stays(&self, pieces: usize) -> bool {
+        // With other bits even one piece goes to the crew, so that all costs of a fit are comparable.
         pieces < 2 && self.shares.crew.alike()
     }
 
@@ -59,6 +60,7 @@ impl Shared {
 
 /// `count` candidates in pieces of about one size.
 fn pieces(count: usize, recordings: usize, places: usize) -> Vec<Range<usize>> {
+    // Each recording of a candidate is a robot, so many recordings fill the lanes with few candidates.
     let min = TOGETHER.div_ceil(recordings.max(1));
     let pieces = places.saturating_mul(EACH).clamp(1, count.div_ceil(min).max(1));
     (0..pieces).map(|piece| piece * count / pieces..(piece + 1) * count / pieces).collect()
