@@ -32,6 +32,7 @@ pub fn doubts(
         .collect();
     let reasons = unsettled(outcome, &course);
     if !reasons.is_empty() {
+        // More generations help neither least squares that ended by itself nor a search that its time limit cut.
         let apart =
             outcome.uncertainty.is_some() && best.is_some_and(|run| run.stop != Some(Stop::Generations));
         let cut = best.is_some_and(|run| run.stop.is_none());

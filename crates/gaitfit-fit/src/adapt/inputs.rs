@@ -131,6 +131,7 @@ impl Logs {
         };
         let mut validate = Vec::new();
         let mut doubts = Vec::new();
+        // All logs are of one robot, so all its falls count.
         let mut falling = notes.as_ref().map_or_else(Falling::default, |notes| notes.falling);
         if !config.validate.is_empty() {
             let validation = validation(&config.validate, config, config_path, method)?;
@@ -146,6 +147,7 @@ impl Logs {
         warnings.extend(doubts);
         let walks = method.walking().is_some();
         warnings.extend(log::lead_note(&fit, walks)?);
+        // Only errors count here: the note above is about the logs that are fitted.
         for logs in &validate {
             log::lead_note(logs, walks)?;
         }

@@ -55,11 +55,13 @@ pub struct ParameterSensitivity {
 
 /// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
 pub fn identifies(entry: &Entry, deviation: f64) -> bool {
+    // A 95 % interval is about four standard deviations wide.
     4.0 * deviation < MAX_SHARE * (entry.upper - entry.lower)
 }
 
 /// `value`, if the search of `entry` could find it; `place` says where it is written.
 fn within(entry: &Entry, value: f64, place: &str) -> Result<f64, Error> {
+    // A value on a bound may lie a little beyond it where it was rounded for a file.
     let slack = 1e-6 * (entry.upper - entry.lower);
     if value >= entry.lower - slack && value <= entry.upper + slack {
         return Ok(value.clamp(entry.lower, entry.upper));

@@ -364,6 +364,7 @@ fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Res
         }
         None => (vec![0.0; names.len()], &[][..]),
     };
+    // The angle of a wheel has no place of rest that a spring could pull to.
     let joints: Vec<String> = joints.iter().filter(|joint| !wheels.contains(joint)).cloned().collect();
     let mut rules = config.rules();
     rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {

@@ -246,6 +246,7 @@ impl Recorder {
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
             let draws = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
+            // Whole samples from 0 to `max`, all as likely.
             let earlier = (draws.uniform(0) * (max + 1.0)) as usize;
             let mut start = script.start.clone();
             for (axis, speed) in start.base_linear.iter_mut().take(2).enumerate() {
@@ -379,6 +380,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
             .collect();
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
+        // The start keeps the log's heading, so the motion is not turned.
         script.turned_back = 0.0;
     }
     if let Some(rates) = rates.filter(|rates| rates.iter().all(|x| x.is_finite())) {
