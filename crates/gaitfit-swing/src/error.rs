@@ -38,7 +38,7 @@ pub enum SwingError {
         /// Its samples.
         samples: usize,
     },
-    /// Too many samples.
+    /// Too many samples: one signal of all joints would take more than 400 MB on the grid.
     #[error("{log}: {seconds} s are too long for one log; cut it")]
     Long {
         /// The log.

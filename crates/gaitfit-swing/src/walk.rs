@@ -118,9 +118,7 @@ impl Walk {
         let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
         let step = period / per_sample as f64;
         let start = log.time[0];
-        // Rounding must not lose the last grid point.
-        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1;
-        // 400 MB for each signal of the joints.
+        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1; // 1e-6: rounding.
         if points.saturating_mul(joints.max(1)) > 50_000_000 {
             return Err(SwingError::Long { log: name(), seconds: log.duration() });
         }
@@ -153,7 +151,6 @@ impl Walk {
         let mut before = 0;
         for point in 0..points {
             let at = point as f64 * step;
-            // The last two samples bound the grid's last points. 1e-9 s is rounding of the times.
             while before + 2 < samples && walk.sample_times[before + 1] <= at + 1e-9 {
                 before += 1;
             }
