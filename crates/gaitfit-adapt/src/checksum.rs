@@ -9,6 +9,7 @@ pub(crate) struct Sum(Sha256);
 impl Sum {
     /// Adds a text.
     pub fn text(&mut self, text: &str) {
+        // The length goes first: otherwise two texts that divide the same bytes differently would have one sum.
         self.0.update((text.len() as u64).to_le_bytes());
         self.0.update(text);
     }

@@ -14,13 +14,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// A simulator of the CPU that a GPU can stand in for.
 pub trait OnGpu: Simulator {
-    /// What is simulated.
+    /// The robot, and the way in which it is simulated.
     fn subject(&self) -> Subject<'_>;
 
     /// The robot with these values of θ.
     fn robot(&self, theta: &Theta, values: &[f64]) -> Candidate;
 
-    /// What the recordings give to the simulated robots.
+    /// The numbers that the recordings give to the simulated robots.
     ///
     /// # Errors
     /// A robot that cannot be stepped.
@@ -81,7 +81,7 @@ pub struct GpuSimulator<S> {
 
 struct Gpu {
     candidates: MultiGpu,
-    /// What candidates are compared with, once something was.
+    /// The measured side that candidates are compared with, once something was.
     reference: Option<Arc<Reference>>,
 }
 
@@ -184,7 +184,7 @@ fn failed(error: GpuError) -> SimulatorError {
     }
 }
 
-/// What a candidate costs by its parts.
+/// The cost of a candidate from its parts.
 fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
     let reference = pieces.compared().reference;
     let (joints, skip) = (reference.joints().len(), reference.skip());
@@ -323,7 +323,8 @@ mod tests {
         rows.map(|(sample, dimension)| number(side, recording, sample, dimension)).collect()
     }
 
-    /// What a GPU computes of a candidate that falls at `ends`: as its kernels do, from what it is given.
+    /// The numbers that a GPU computes of a candidate that falls at `ends`: as its kernels do, from what it is
+    /// given.
     fn parts(given: &Measured, samples: usize, ends: [usize; 2], distances: bool) -> Parts {
         let counted = given.sorted.len() / DIMENSIONS;
         let piece = |dimension: usize| {

@@ -63,6 +63,7 @@ mod with_cuda {
             let mut candidates = self.0.lock().unwrap_or_else(PoisonError::into_inner);
             // The CPU makes the logs that the GPU did not make.
             let _ = candidates.make_logs(subject, jobs, &begins, &consume, cancel);
+            // `consume` emptied the lists of the jobs that it passed on.
             let is_left = |job: &usize| !made[*job].lock().unwrap_or_else(PoisonError::into_inner).is_empty();
             (0..jobs.len()).filter(is_left).collect()
         }

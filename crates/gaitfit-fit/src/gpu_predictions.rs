@@ -9,7 +9,7 @@ pub use without_cuda::GpuPredictions;
 
 use gaitfit_policy::predict::Course;
 
-/// What the sensors of some logs read.
+/// Readings of the sensors of some logs.
 pub struct Readings {
     /// One for each log; the list ends before the first log that lacks the readings of an IMU.
     pub courses: Vec<Course>,

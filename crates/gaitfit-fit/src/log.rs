@@ -7,9 +7,9 @@ use std::path::PathBuf;
 /// A log, or a stretch of one, ready to be compared with simulations.
 #[derive(Clone, Debug)]
 pub struct Log {
-    /// As the configuration leads to it; stretches of a log that was cut say where they begin.
+    /// The name by which the configuration leads to it; stretches of a log that was cut say where they begin.
     pub name: String,
-    /// Where it was found.
+    /// File in which it was found.
     pub path: PathBuf,
     /// Files beside it that were read too.
     pub sidecars: Vec<PathBuf>,
@@ -26,7 +26,7 @@ pub struct Log {
 /// Leads of targets that differ by more than this among logs of one fit, s, make its delay wrong by as much.
 const SAME_LEAD_S: f64 = 5e-4;
 
-/// How long after their rows the targets of `logs` were stamped, s: the middle one, as logs that are fitted together share
+/// Time from rows to the stamps of the targets of `logs`, s: the middle one, as logs that are fitted together share
 /// one robot. 0 where logs do not say it.
 pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
     let mut leads: Vec<f64> = logs.into_iter().map(|log| log.lead.map_or(0.0, |lead| lead.seconds)).collect();
@@ -34,9 +34,9 @@ pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
     leads.get(leads.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// What a fit of `logs` says about their leads, if they have some. A replay is given the targets, so that a delay counts from
-/// their stamps. In a walk (`walks`) the policy computes them from the state of the row, and a delay counts from there, as in
-/// a training.
+/// The note of a fit of `logs` on their leads, if they have some. A replay is given the targets, so that a delay
+/// counts from their stamps. In a walk (`walks`) the policy computes them from the state of the row, and a delay
+/// counts from there, as in a training.
 ///
 /// # Errors
 /// Logs of a replay whose leads differ by more than half a millisecond: one delay cannot count from all of them.

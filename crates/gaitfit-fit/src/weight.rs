@@ -53,11 +53,12 @@ struct Samples {
 }
 
 impl Samples {
-    /// Of a log that has targets and stands still with its base; `None` otherwise.
+    /// The samples of a log that has targets and stands still with its base; `None` otherwise.
     fn new(log: &Trajectory) -> Option<Self> {
         let target = log.target.as_ref()?;
         let walks = log.command.iter().flatten().any(|part| part.abs() > 0.0);
         let turns = log.base.iter().filter_map(|base| base.angular_velocity.as_ref()).flatten();
+        // In a walk the ground's forces load joints too, and [`holding`] takes the base to be level and at rest.
         if walks || turns.into_iter().any(|rate| rate.abs() > 0.5) || log.len() < 50 {
             return None;
         }
@@ -92,7 +93,8 @@ fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) ->
         .collect()
 }
 
-/// What x leaves unexplained by weight, speed and its sign: the sum of squares, with the gain that fits best, or with `kp`.
+/// The sum of squares of x that weight, speed and its sign leave unexplained, with the gain that fits best, or with
+/// `kp`.
 fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
     let mut square = 0.0;
     let mut normal = Matrix3::<f64>::zeros();
@@ -104,6 +106,7 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
         right += row * x;
         square += x * x;
     }
+    // Keeps the equations solvable where a joint does not move.
     normal += Matrix3::identity() * (1e-9 * normal.trace().max(f64::MIN_POSITIVE));
     let Some(mut fit) = normal.cholesky().map(|factor| factor.solve(&right)) else { return f64::INFINITY };
     if fit[0] < 0.0 {
@@ -112,6 +115,7 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
         let rest = part.cholesky().map(|factor| factor.solve(&right.fixed_rows::<2>(1).into_owned()));
         fit = rest.map_or_else(Vector3::zeros, |rest| Vector3::new(0.0, rest[0], rest[1]));
     }
+    // Without the weight the fit is no minimum of all three, so this is not `fit · right`.
     let explained = 2.0 * fit.dot(&right) - (fit.transpose() * normal * fit)[0];
     (square - explained).max(0.0)
 }
@@ -176,7 +180,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     joints.into_iter().map(finding).collect()
 }
 
-/// What is known of the order of a log's numbered joints.
+/// Finding on the order of a log's numbered joints.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Order {
     /// The log shows that the assumed order is right.
@@ -222,7 +226,9 @@ pub fn order(log: &Trajectory, model: &Model) -> Order {
     match (here, best) {
         (Some(here), Some((_, best))) if here < CLEARLY * best => Order::Shown,
         (Some(here), Some((order, best))) if *best < CLEARLY * here => Order::Other(named(order)),
+        // Limits exclude all other usual orders.
         (Some(_), None) if others.is_empty() => Order::Shown,
+        // The assumed order is beyond limits. Another one is named only if no third comes near it.
         (None, Some((order, best))) => {
             let rivals = others.iter().filter(|(_, value)| *value < best / CLEARLY).count();
             if rivals == 1 { Order::Other(named(order)) } else { Order::Unknown }
@@ -278,7 +284,8 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
     })
 }
 
-/// What q_des − q leaves unexplained over all joints, siblings with one gain; relative to what the weight is of it.
+/// The part of the squares of q_des − q that weight and friction leave unexplained, mean over groups of siblings,
+/// which share a gain.
 fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -> f64 {
     let width = order.len();
     let weights: Vec<Vec<f64>> = samples
@@ -296,6 +303,7 @@ fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -
             samples.rows.iter().zip(&weights).map(|((_, dq, away), w)| (w[joint], dq[column], away[column]));
         groups.entry(kind(&names[joint])).or_default().extend(blocks(rows, samples.seconds));
     }
+    // Relative to the square of x, so that soft joints count as much as stiff ones.
     let part = |group: &Vec<Block>| {
         let square: f64 = group.iter().map(|block| block[3] * block[3]).sum();
         unexplained(group, None) / square.max(f64::MIN_POSITIVE)

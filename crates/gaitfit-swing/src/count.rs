@@ -33,6 +33,8 @@ impl<'a, 'b> Count<'a, 'b> {
             let first = results.len();
             let count = threads.clamp(1, regressions - first);
             self.stopped = self.stopped || (self.progress)(self.done, self.total).is_break();
+            // A regression that is left out still has a place in the list, so that places remain numbers of
+            // regressions.
             let one = |number: usize| {
                 if self.stopped { None } else { regression(first + number) }
             };

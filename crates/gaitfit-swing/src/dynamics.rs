@@ -23,7 +23,7 @@ pub struct BaseMotion {
 }
 
 impl BaseMotion {
-    /// At rest with this orientation (wxyz).
+    /// A base at rest with this orientation (wxyz).
     pub fn at_rest(quaternion: Quat) -> Self {
         Self {
             quaternion,

@@ -24,7 +24,7 @@ const BLOCK_S: f64 = 0.5;
 /// Fewer blocks say nothing of an error.
 const BLOCKS: usize = 8;
 
-/// What an effect is.
+/// Kind of an effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EffectKind {
@@ -50,7 +50,7 @@ pub enum EffectKind {
 /// An effect as the logs show it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Effect {
-    /// What it is.
+    /// Its kind.
     pub kind: EffectKind,
     /// The joint group or joint that has it; empty of the ground.
     pub of: String,
@@ -119,6 +119,7 @@ impl<'a> Scene<'a> {
                 joints.iter().for_each(|&joint| drag[joint] = group.drag());
             }
         }
+        // The second look knows from the first how the base moves.
         let grounds = gaitfit_pool::map(walks.len(), settings.threads, |log| {
             let first = Ground::new(model, &walks[log], delay, &drag, None);
             Ground::new(model, &walks[log], delay, &drag, Some(&first))
@@ -163,7 +164,7 @@ pub fn tilt_beside_twist(
     stance::tilt_beside_twist(&Scene::new(model, walks, swings, settings), group)
 }
 
-/// What swings of one group show. `steps`: the delay in steps.
+/// Effects that the swings of one group show. `steps`: the delay in steps.
 fn of_swings(
     model: &Model,
     name: &str,
@@ -232,7 +233,7 @@ impl Equations {
     }
 }
 
-/// A block of time of a log.
+/// A block of time of a log. The log has the upper half of the number, the block the lower one.
 pub(crate) fn block(log: usize, at: f64) -> u64 {
     ((log as u64) << 32) + (at.max(0.0) / BLOCK_S) as u64
 }
@@ -244,7 +245,7 @@ pub(crate) struct Base<'a> {
     blocks: &'a [u64],
     /// Inverse of the normal matrix.
     inverse: DMatrix<f64>,
-    /// What the equations leave.
+    /// Residuals: the known side of each equation less what the solution explains of it.
     left: Vec<f64>,
 }
 
@@ -297,6 +298,7 @@ impl<'a> Base<'a> {
             sums.values().map(|[square, weight]| (square - mean * weight).powi(2)).sum::<f64>()
                 / total.powi(2);
         let value = mean.max(0.0).sqrt();
+        // The error of a root, to first order: half the error of the square over the root.
         Estimate { value, error: 0.5 * variance.sqrt() / value.max(1e-12) }
     }
 
@@ -313,6 +315,8 @@ impl<'a> Base<'a> {
             return None;
         }
         let value = sum(&|k| rest[k] * self.left[k]) / square;
+        // Errors within a block go together (Liang and Zeger 1986), so scores are summed by block before they are
+        // squared.
         let mut scores: BTreeMap<u64, f64> = BTreeMap::new();
         for k in 0..rest.len() {
             let left = self.left[k] - value * rest[k];

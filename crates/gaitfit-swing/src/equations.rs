@@ -11,7 +11,7 @@ use crate::torques::{Bump, driven, friction_lead};
 use crate::walk::Walk;
 use gaitfit_model::Model;
 
-/// Share of a torque limit from which on a motor counts as saturated.
+/// Share of a torque limit from which on a motor counts as saturated: there the PD law does not state its torque.
 const SATURATED: f64 = 0.97;
 /// A joint that rests in a window may be held by friction of any size below its own; such windows do not count. Mean of
 /// the smoothed |sign(q̇)|.
@@ -30,9 +30,9 @@ pub(crate) struct Window {
     pub at: f64,
     /// Height that the joint's limb keeps in the window and around it, m.
     pub clearance: f64,
-    /// What friction is multiplied by, in each law of [`crate::FrictionLaw::ALL`].
+    /// Factor of friction: the sign of the velocity, averaged, in each law of [`crate::FrictionLaw::ALL`].
     pub signs: [f64; 2],
-    /// What damping and armature are multiplied by.
+    /// Factors of damping and of armature: the mean velocity and acceleration of the joint.
     pub rates: [f64; 2],
     /// Position gain, N·m/rad.
     pub stiffness: f64,
@@ -40,7 +40,7 @@ pub(crate) struct Window {
     pub angle: f64,
     /// Motor torque without the target's part, N·m.
     pub motor: f64,
-    /// How an error of the base's acceleration changes the torque, kg·m, world axes.
+    /// Change of the torque with an error of the base's acceleration, kg·m, world axes.
     pub lever: [f64; 3],
     /// Torque without the target's part, less what inertia and gravity need, N·m.
     pub known: f64,
@@ -126,7 +126,8 @@ pub(crate) fn windows(
             }
             let end = (begin..points).find(|&point| !free(point)).unwrap_or(points);
             swing += 1;
-            // Windows of all joints have common middles.
+            // Windows of all joints have common middles, so that rows of one moment can share an error of the base's
+            // acceleration.
             let mut centre = (begin + reach).next_multiple_of(hop);
             while centre + reach < end {
                 let around = centre - reach..=centre + reach;
@@ -143,6 +144,8 @@ pub(crate) fn windows(
                     stiffness: kp,
                     angle: 0.0,
                     motor: 0.0,
+                    // The torque changes by d(by_base · v)/dt, which is by_base · a for a lever that hardly changes
+                    // in a window.
                     lever: walk.poses.momenta[index(centre)].by_base[0],
                     known: 0.0,
                     driven: Vec::new(),
@@ -158,9 +161,12 @@ pub(crate) fn windows(
                     window.motor += weight * (-kp * q - kd * dq);
                     window.angle += weight * q;
                     window.rates[0] += weight * dq;
+                    // By parts: ∫ φ q̈ dt = −∫ φ̇ q̇ dt, and below −∫ φ dp/dt dt = ∫ φ̇ p dt. The bump vanishes at
+                    // both ends.
                     window.rates[1] -= change * dq;
                     window.known += weight * (-kp * q - kd * dq - needed.rest[index(point)])
                         + change * needed.momentum[index(point)];
+                    // A saturated motor's torque depends on the delay, so the best delay so far decides.
                     let target = walk.target(joint, point as f64 * walk.step, delay);
                     saturated |= (kp * (target - q) - kd * dq).abs() > SATURATED * limit;
                 }

@@ -9,7 +9,7 @@ pub enum SwingError {
     Lacks {
         /// The log.
         log: String,
-        /// What is missing.
+        /// The signals that are missing, in words.
         what: &'static str,
     },
     /// A log in which targets are velocities, as of wheels.
@@ -38,7 +38,7 @@ pub enum SwingError {
         /// Its samples.
         samples: usize,
     },
-    /// Too many samples.
+    /// Too many samples: one signal of all joints would take more than 400 MB on the grid.
     #[error("{log}: {seconds} s are too long for one log; cut it")]
     Long {
         /// The log.
@@ -52,7 +52,7 @@ pub enum SwingError {
     /// No leg was seen in the air.
     #[error("no leg is in the air long enough in {logs} logs: legs must swing for {least_ms:.0} ms or more")]
     NoSwings {
-        /// How many logs were looked at.
+        /// Number of logs that were searched.
         logs: usize,
         /// Length of a swing that counts, ms.
         least_ms: f64,

@@ -15,13 +15,17 @@ use std::ops::ControlFlow;
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
 const PASSES: usize = 2;
-/// An early pass tries one of this many clearances.
+/// An early pass tries one of this many clearances. It gives the next pass a delay and the joints' drag, for
+/// which a coarse choice is enough.
 const CLEARANCE_STRIDE: usize = 3;
-/// Delay of the first pass, s.
+/// Delay of the first pass, s. A real Go2 shows 5 to 6 ms (docs/results/swings.md). The first pass only judges with
+/// it which feet stand.
 const FIRST_DELAY_S: f64 = 0.005;
-/// Windows of these lengths too are tried, over the usual length.
+/// Windows of these lengths are tried too, as parts of the usual length. Errors then hold how much the length
+/// changes the numbers.
 const LENGTHS: [f64; 2] = [0.75, 1.5];
-/// Another choice of swings counts for the error if its own error is at most this many times that of the best.
+/// Another choice of swings counts for the error if its own error is at most this many times that of the best. A
+/// choice that is less sure differs mainly by its own noise.
 const AS_SURE: f64 = 2.0;
 /// Swings of each group that are enough.
 const SWINGS: usize = 40;
@@ -63,6 +67,7 @@ pub fn estimate_walks(
     let mut delay = FIRST_DELAY_S;
     let none = || SwingError::NoSwings {
         logs: walks.len(),
+        // A window and its margins on both sides must fit into a swing.
         least_ms: 1e3 * (settings.window_s + 2.0 * settings.margin_s),
     };
     for pass in 0..=PASSES {
@@ -75,6 +80,7 @@ pub fn estimate_walks(
         };
         let seen = all(settings.window_s);
         let last = pass == PASSES;
+        // The first pass knows no delay and looks for it over the whole range.
         let around = (pass > 0).then_some(delay);
         let best = Choice::best(model, &seen, settings, around, last, &mut count);
         count.check()?;
@@ -140,10 +146,12 @@ impl Choice {
         // Low feet may touch: from high feet, of which there must be enough, to lower ones as long as they agree.
         let logs = choices.iter().map(|choice| choice.fit.logs).max()?;
         let seen = choices.iter().map(|choice| choice.fit.names.len()).max()?;
+        // A choice in which a group is missing has other numbers and cannot be compared.
         choices.retain(|choice| choice.fit.names.len() == seen);
         let enough = |choice: &Self| {
             3 * choice.fit.logs >= 2 * logs && choice.fit.counts.iter().all(|[swings, _]| *swings >= SWINGS)
         };
+        // Without enough swings anywhere the lowest clearance is taken: it has the most.
         let mut best = choices.iter().rposition(enough).unwrap_or_default();
         let highest = best;
         while best > 0 && (best..=highest).all(|high| choices[best - 1].fit.agrees(&choices[high].fit)) {
@@ -152,7 +160,7 @@ impl Choice {
         Some(choices.swap_remove(best))
     }
 
-    /// With errors that hold how much neighbouring choices change the numbers.
+    /// The report of this choice, with errors that hold how much neighbouring choices change the numbers.
     fn report(
         &self,
         model: &Model,
@@ -164,6 +172,7 @@ impl Choice {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
         let mut choices: Vec<(&[Window], usize, usize)> =
+            // Below the first clearance this wraps to a huge number, which the filter removes.
             [self.clearance.wrapping_sub(1), self.clearance + 1]
                 .into_iter()
                 .filter(|&clearance| clearance < settings.clearances_m.len())
@@ -171,6 +180,7 @@ impl Choice {
                 .collect();
         choices.extend(lengths.iter().map(|windows| (windows.as_slice(), self.clearance, self.law)));
         if settings.law.is_none() {
+            // There are two laws; this is the other one.
             choices.push((windows, self.clearance, 1 - self.law));
         }
         let fits = count.map(choices.len(), settings.threads, |number| {
@@ -178,6 +188,7 @@ impl Choice {
             Fit::best(windows, groups, settings, clearance, law..law + 1, around)
         });
         let fits = fits.into_iter().flatten().map(|(_, fit)| fit);
+        // The bounds at 0 are a choice too: a value that they hold moves the others.
         let others: Vec<Fit> = std::iter::once(self.fit.unbounded()).chain(fits).collect();
         let mut estimates = self.fit.estimates(model);
         let mut delay = self.fit.delay_estimate(settings);

@@ -26,13 +26,13 @@ const PUSH_S: f64 = 0.02;
 /// Largest error with which the base's velocity counts as known, m/s.
 const KNOWN: f64 = 0.3;
 
-/// Where limbs are and how the base moves, at every grid point.
+/// Heights and loads of limbs, and the base's motion, at every grid point.
 #[derive(Clone, Debug)]
 pub struct Ground {
     /// Height of the lowest point of what a joint moves above the robot's lowest point, m; infinite where it cannot touch
     /// anything; `len × joints`.
     pub clearance: Vec<f64>,
-    /// How much what a joint moves stands, from 0 to 1; 0 where nothing can touch; `len × joints`.
+    /// Degree to which what a joint moves stands, from 0 to 1; 0 where nothing can touch; `len × joints`.
     pub stands: Vec<f64>,
     /// Velocity of the base's origin, m/s, world axes; not finite where no foot stands.
     pub velocity: Vec<Vec3>,
@@ -53,12 +53,13 @@ pub struct Foot {
     pub force: Vec3,
     /// Upward force on it by the torques of its limb, as a share of the robot's weight; NaN where it is not known.
     pub load: f64,
-    /// How much it stands, from 0 to 1: it bears weight and moves as the other standing feet do.
+    /// Degree to which it stands, from 0 to 1: it bears weight and moves as the other standing feet do.
     pub stands: f64,
 }
 
 impl Ground {
-    /// Of a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch nothing.
+    /// Examines a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch
+    /// nothing.
     pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
         let (points, joints) = (walk.points(), walk.joints);
         let poses = &walk.poses;
@@ -181,10 +182,14 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
     for feet in feet.iter().zip(&walk.valid).filter(|(_, valid)| **valid).map(|(feet, _)| feet) {
         borne = (borne.0 + feet.iter().map(|foot| push(foot)[2]).sum::<f64>(), borne.1 + 1.0);
     }
+    // Without a foot that stands `borne.0` is near 0; the bounds keep the scale usable then.
     let scale = (GRAVITY * borne.1 / borne.0.max(1e-9)).clamp(0.7, 1.5);
     let points = feet.len();
     let mut velocity = vec![[f64::NAN; 3]; points];
+    // An error that lasts `FOOT_S` is white noise of the same integral: its variance at a grid point grows as the
+    // step shrinks.
     let variance = FOOT_RATE * FOOT_RATE * (FOOT_S / step);
+    // The error of the acceleration, as white noise of the same integral, makes the velocity a random walk.
     let drift = PUSH * PUSH * PUSH_S * step;
     let mut begin = 0;
     while begin < points {
@@ -195,6 +200,7 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
         let end = (begin..points).find(|&point| !walk.valid[point]).unwrap_or(points);
         for axis in 0..3 {
             let gravity = if axis == 2 { GRAVITY } else { 0.0 };
+            // (10 m/s)²: nothing is known of the velocity before the first standing foot.
             let mut state = (0.0, 100.0);
             let mut predicted = Vec::with_capacity(end - begin);
             let mut filtered = Vec::with_capacity(end - begin);
@@ -204,6 +210,8 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
                     state = (state.0 + step * (scale * force - gravity), state.1 + drift);
                 }
                 predicted.push(state);
+                // Feet err independently, so they measure one after another. One that hardly stands has no weight
+                // and is left out.
                 for foot in feet[point].iter().filter(|foot| foot.stands > 1e-3) {
                     let gain = state.1 / (state.1 + variance / foot.stands);
                     let seen = foot.velocity[axis] + relative[point][axis];
@@ -211,12 +219,15 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
                 }
                 filtered.push(state);
             }
+            // The backward pass. The state is carried over unchanged but for the push, so the smoother's gain is a
+            // ratio of variances.
             for k in (0..filtered.len().saturating_sub(1)).rev() {
                 let gain = filtered[k].1 / predicted[k + 1].1;
                 filtered[k].0 += gain * (filtered[k + 1].0 - predicted[k + 1].0);
                 filtered[k].1 += gain * gain * (filtered[k + 1].1 - predicted[k + 1].1);
             }
             for (k, (value, variance)) in filtered.into_iter().enumerate() {
+                // Elsewhere the velocity stays NaN, and no window there counts.
                 if variance < KNOWN * KNOWN {
                     velocity[begin + k][axis] = value - relative[begin + k][axis];
                 }

@@ -12,7 +12,8 @@ use nalgebra::DVector;
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// Logs from which errors are also judged by how logs differ.
+/// Logs from which on errors are also judged by how logs differ. The scatter of fewer clusters is too uncertain
+/// itself.
 const LOGS: usize = 8;
 
 /// Each group alone at the delay that leaves least unexplained.
@@ -20,7 +21,7 @@ struct Alone<'a> {
     names: Vec<Named>,
     groups: Vec<Group<'a>>,
     law: usize,
-    /// In steps.
+    /// The delay, in steps of the delays.
     delay: f64,
     solutions: Vec<Solution>,
     /// Mean logarithm of the residuals' scale over all windows.
@@ -40,6 +41,8 @@ impl<'a> Alone<'a> {
         if groups.is_empty() {
             return None;
         }
+        // Minus the log-likelihood of normal residuals, each group with its own scale: a group with large torques
+        // does not outweigh the others.
         let cost = |delay: f64| -> f64 {
             let log_likelihood =
                 |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
@@ -49,6 +52,7 @@ impl<'a> Alone<'a> {
         let near = match around {
             Some(delay) => ((delay - settings.delay_range_s[0]) / settings.delay_step_s).clamp(0.0, last),
             None => {
+                // Every second delay is enough, because `lowest` looks between them.
                 (0..=last as usize)
                     .step_by(2)
                     .map(|step| (step as f64, cost(step as f64)))
@@ -70,9 +74,9 @@ pub(crate) struct Fit {
     /// All unknowns, the delay in steps last; and without the bounds at 0.
     values: DVector<f64>,
     free: DVector<f64>,
-    /// How all unknowns change with the motors' strength.
+    /// Change of all unknowns with the motors' strength, per 1.
     pub by_strength: DVector<f64>,
-    /// How they change with friction under load of each group.
+    /// Change of all unknowns with friction under load of each group, per 1.
     by_load: Vec<DVector<f64>>,
     pub strength: [f64; 2],
     scales: Vec<f64>,
@@ -90,7 +94,7 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// With the friction law among `laws` that leaves less unexplained, and this law.
+    /// Fits the windows with the friction law among `laws` that leaves less unexplained; returns that law too.
     pub fn best(
         windows: &[Window],
         named: &[Named],
@@ -102,6 +106,7 @@ impl Fit {
         let alone = |law: usize| Alone::new(windows, named, settings, clearance, law, around);
         let mut tried: Vec<Alone<'_>> = laws.filter_map(alone).collect();
         tried.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        // If the better law has no solution, the other one is taken.
         tried.into_iter().find_map(|alone| Some((alone.law, Self::new(alone, settings)?)))
     }
 
@@ -129,6 +134,7 @@ impl Fit {
         } else {
             together(&groups, &solutions, delay, kinds, &negative, threads)
         };
+        // What errs for longer than a block shows between logs only, so the larger variance counts.
         let larger = |of: &Together, place: usize| {
             of.covariances
                 .iter()
@@ -137,6 +143,7 @@ impl Fit {
                 .fold(f64::NAN, f64::max)
         };
         let loose: Vec<f64> = (0..free.values.len()).map(|place| larger(&free, place)).collect();
+        // The fit that holds a value at 0 has no variance for it.
         let variance = |place: usize| {
             let bounded = if negative.contains(&place) { &free } else { held.as_ref().unwrap_or(&free) };
             larger(bounded, place)
@@ -176,6 +183,8 @@ impl Fit {
         let shared = self.names.len();
         (0..shared).flat_map(|group| (0..SHARED).map(move |k| (group, k))).all(|(group, k)| {
             let (mine, theirs) = (self.first[group] + k, fewer.first[group] + k);
+            // The difference of two estimated variances can be negative by chance, so it is at least a quarter of
+            // the larger one.
             let spread = (fewer.loose[theirs] - self.loose[mine]).max(0.25 * fewer.loose[theirs]);
             (self.free[mine] - fewer.free[theirs]).abs() < 2.0 * spread.sqrt()
         })

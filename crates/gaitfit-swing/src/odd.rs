@@ -20,7 +20,7 @@ pub struct Measured<'a> {
     pub min: f64,
 }
 
-/// How far each joint is from its siblings.
+/// Differences of joints from their siblings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judged {
     /// Difference of each joint from the median of its siblings; from 0 where it has none.

@@ -52,6 +52,7 @@ impl Poses {
         let (points, joints) = (walk.points(), walk.joints);
         let ends = if model.root == Root::Fixed { Vec::new() } else { ends(model, joints) };
         let mass = model.bodies.iter().map(|body| body.mass).sum::<f64>();
+        // Momenta and velocities do not depend on accelerations.
         let zeros = vec![0.0; joints];
         let mut poses = Self {
             tips: Vec::with_capacity(points * ends.len()),
@@ -106,11 +107,13 @@ fn ends(model: &Model, joints: usize) -> Vec<End> {
     let mut geoms: Vec<Vec<usize>> = vec![Vec::new(); model.bodies.len()];
     for pair in &model.pairs {
         let list = &mut geoms[model.geoms[pair.geom].body];
+        // A geom that may touch several others is in several pairs.
         if !list.contains(&pair.geom) {
             list.push(pair.geom);
         }
     }
     let mut touches: Vec<bool> = geoms.iter().map(|geoms| !geoms.is_empty()).collect();
+    // Parents come before their children, so one pass backwards reaches all ancestors.
     for body in (1..touches.len()).rev() {
         if let Some(parent) = model.bodies[body].parent {
             touches[parent] |= touches[body];

@@ -5,7 +5,8 @@ use crate::estimate::offsets;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
-/// Residuals beyond so many standard deviations count less (Huber 1964).
+/// Residuals beyond so many standard deviations count less (Huber 1964). At 2 an estimate from normal residuals
+/// loses 1 % of its precision.
 pub(crate) const HUBER: f64 = 2.0;
 /// Rounds of reweighting.
 const ROUNDS: usize = 4;
@@ -24,7 +25,7 @@ pub(crate) struct Group<'a> {
 }
 
 impl<'a> Group<'a> {
-    /// Of some windows, with a friction law by its place.
+    /// A group of some windows, with a friction law by its place.
     pub fn new(windows: Vec<&'a Window>, law: usize) -> Self {
         Self { offsets: offsets(&windows), windows, law }
     }
@@ -39,7 +40,7 @@ impl<'a> Group<'a> {
         self.offsets.get(&joint).map(|place| SHARED + place)
     }
 
-    /// What the unknowns are multiplied by in a window. The others are multiplied by 0.
+    /// Factors of the unknowns in a window. Unknowns that it does not name have a factor of 0.
     pub fn row(&self, window: &Window) -> Factors {
         let offset = self.offset(window.joint).map_or((0, 0.0), |place| (place, 1.0));
         [(0, window.signs[self.law]), (1, window.rates[0]), (2, window.rates[1]), offset]
@@ -58,6 +59,7 @@ pub(crate) struct Solution {
 /// Robust least squares of a group at a delay (in steps). `None` where the equations do not determine the unknowns.
 pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
     let (count, columns) = (group.windows.len(), group.columns());
+    // Fewer than three equations for each unknown mostly fit their own noise.
     if count < 3 * columns {
         return None;
     }
@@ -79,10 +81,13 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
             rows.iter().zip(&known).map(|(row, known)| known - product(row, &values)).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
         let middle = count / 2;
+        // The median of absolute normal residuals is their standard deviation / 1.4826. Few large residuals do not
+        // change it.
         let spread = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
         let scale = (residuals.iter().zip(&weights).map(|(r, w)| w * r * r).sum::<f64>()
             / weights.iter().sum::<f64>())
         .sqrt();
+        // 1e-300 stands for a residual of 0, which has the full weight.
         weights = residuals.iter().map(|r| (HUBER * spread / r.abs().max(1e-300)).min(1.0)).collect();
         if !scale.is_finite() {
             return None;
@@ -124,6 +129,7 @@ pub(crate) fn groups<'a>(
                 .collect(),
             law,
         );
+        // The delay changes the known side alone, so any delay tells whether the unknowns are determined.
         if solve(&group, 0.0).is_some() {
             groups.push(group);
             names.push((name.clone(), joints.clone()));

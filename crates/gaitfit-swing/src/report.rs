@@ -53,6 +53,8 @@ impl Default for SwingSettings {
             window_s: 0.08,
             hop_s: 0.01,
             skip_s: 0.3,
+            // Negative delays occur: Isaac Sim's targets act from the row before on, −6.3 ms
+            // (docs/results/swings.md).
             delay_range_s: [-0.012, 0.04],
             delay_step_s: 0.002,
             law: None,
@@ -79,18 +81,20 @@ impl SwingSettings {
     /// The delays that are tried, s.
     pub(crate) fn delays(&self) -> impl Iterator<Item = f64> + '_ {
         let [low, high] = self.delay_range_s;
+        // A window has one number for each delay, so the bound limits memory.
         let steps = ((high - low) / self.delay_step_s).round().clamp(2.0, 1000.0) as usize;
         (0..=steps).map(move |k| low + k as f64 * self.delay_step_s)
     }
 }
 
-/// When a joint's Coulomb friction turns around.
+/// The moment at which a joint's Coulomb friction turns around.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FrictionLaw {
-    /// With the joint.
+    /// Friction turns when the joint does.
     Coulomb,
-    /// As in MuJoCo and this engine, where friction is a soft constraint: some milliseconds before a joint that brakes.
+    /// Friction is a soft constraint, as in MuJoCo and this engine: it turns some milliseconds before a joint that
+    /// brakes.
     Engine,
 }
 
@@ -99,7 +103,7 @@ impl FrictionLaw {
     pub const ALL: [Self; 2] = [Self::Coulomb, Self::Engine];
 }
 
-/// What swings say of one group of joints.
+/// Estimates of one group of joints from its swings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroupEstimate {
     /// The group's name.
@@ -128,7 +132,7 @@ pub struct GroupEstimate {
     pub residual: f64,
 }
 
-/// The strength in reports that do not have it.
+/// The strength in reports that do not have it: an error of 1 says that nothing is known of it.
 fn unknown() -> Estimate {
     Estimate { value: 1.0, error: 1.0 }
 }
@@ -146,7 +150,7 @@ impl GroupEstimate {
     }
 }
 
-/// What swings say of the joints.
+/// Estimates of the joints from their swings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SwingReport {
     /// Groups that swing.
@@ -188,6 +192,7 @@ pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
 
 /// A joint's name without what says on which side or leg it is.
 fn group_name(name: &str) -> String {
+    // Unitree's legs are FL to RR, ANYmal's LF to RH, Spot's fl to hr; humanoids have left and right.
     const SIDES: [&str; 16] =
         ["fl", "fr", "rl", "rr", "hl", "hr", "bl", "br", "lf", "rf", "lh", "rh", "l", "r", "left", "right"];
     let parts: Vec<&str> = name.split('_').collect();

@@ -22,7 +22,7 @@ const OWN: f64 = 0.5;
 /// Min number of windows of a joint.
 const ENOUGH: usize = 100;
 
-/// What one joint has by itself, as swings show it.
+/// A spring of one joint, or a motor of another strength than its siblings, as swings show it.
 struct Single<'a> {
     joint: usize,
     /// Stiffness of a spring, N·m/rad, or torque beyond what gains and limits state, as a part of it.
@@ -33,7 +33,7 @@ struct Single<'a> {
     torque: f64,
 }
 
-/// What each joint of all groups has by itself, one effect and one joint at a time.
+/// Springs and motor strengths of single joints, of all groups; one effect and one joint at a time.
 #[derive(Default)]
 pub(crate) struct Singles<'a> {
     springs: Vec<Single<'a>>,
@@ -73,6 +73,7 @@ impl<'a> Singles<'a> {
             // The joint's offset with the spring's part removed.
             let without: Vec<f64> =
                 equations.known.iter().zip(&angle).map(|(known, angle)| known - size.value * angle).collect();
+            // The motor gives the offset against the spring's torque, hence the minus.
             let torque = -base.values(&without)[group.offset(joint)?];
             let size =
                 Measured { group: name, value: size.value, deviation: size.error, min: MIN_SPRING * gain };
@@ -115,6 +116,7 @@ fn odd(model: &Model, singles: &[Single<'_>], kind: EffectKind) -> Vec<Effect> {
     let effect = |at: usize| {
         let Single { joint, size, share, torque } = &singles[at];
         let difference = Estimate { value: judged.off[at], error: judged.limit[at] / Judged::LIMIT };
+        // The spring is at rest where its torque at angle 0 and stiffness · angle cancel.
         let rest = (kind == EffectKind::OddSpring).then(|| torque / size.value);
         Effect { rest, ..Effect::new(kind, &model.joints[*joint].name, difference, *share) }
     };

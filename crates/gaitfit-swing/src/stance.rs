@@ -18,7 +18,8 @@ const TORQUE_S: f64 = 0.03;
 /// Torque at which a joint with play surely lies on one side of it, N·m.
 const SIDE_NM: f64 = 0.5;
 
-/// Pairs of standing feet that are looked at, over all logs: neighbours are alike, and more would not be surer.
+/// Pairs of standing feet that are looked at, over all logs: neighbours are alike, so more would not be surer but
+/// take more memory.
 const MAX_PAIRS: usize = 60_000;
 /// A column counts if at least this part of its square does not follow from earlier columns.
 const OWN_PART: f64 = 1e-3;
@@ -61,6 +62,7 @@ pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     };
     for (place, (name, _)) in scene.groups.iter().enumerate() {
         add(EffectKind::Elasticity, name, 1.0, pairs.column(|pair| pair.twist[place]));
+        // The column holds half of the play, see `Pair::play`.
         add(EffectKind::Backlash, name, 2.0, pairs.column(|pair| pair.play[place]));
     }
     effects
@@ -159,7 +161,7 @@ struct StandingFoot<'a> {
 }
 
 impl StandingFoot<'_> {
-    /// How far angles of these joints, rad, lower the foot, m.
+    /// Height by which angles of these joints, rad, lower the foot, m.
     fn lowered(&self, joints: &[usize], angle: impl Fn(usize) -> f64) -> f64 {
         let of_group = self.levers.iter().filter(|(joint, _)| joints.contains(joint));
         of_group.map(|&(joint, lever)| lever * angle(joint)).sum()
@@ -188,6 +190,7 @@ impl Scene<'_> {
             let turn = walk.quaternion[point];
             let torque: Vec<f64> = (0..walk.joints)
                 .map(|joint| needed.left(walk, &bump, joint, point, *delay))
+                // Without gains a joint's torque is unknown. With 0 it has no part in twist and play.
                 .map(|torque| if torque.is_finite() { torque } else { 0.0 })
                 .collect();
             for (k, one) in feet.iter().enumerate() {

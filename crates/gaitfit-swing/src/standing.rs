@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 /// Feet that stand this much count.
 pub(crate) const STANDS: f64 = 0.5;
-/// Delay of targets for forces at the feet, s.
+/// Delay of targets for forces at the feet, s. A real Go2 shows 5 to 6 ms (docs/results/swings.md).
 const DELAY_S: f64 = 0.005;
 /// Samples nearer than this are not independent, s.
 const BLOCK_S: f64 = 1.0;
@@ -24,16 +24,16 @@ pub(crate) const MIN_FEET: usize = 3;
 /// Rounds in which a tilt is taken out and looked at again.
 const ROUNDS: usize = 3;
 
-/// What standing feet say of the inertial unit.
+/// Findings about the inertial unit from feet that stand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// How far the orientation is turned about the base's x and y axes against the plane of the standing feet, rad: the unit
+    /// Turn of the orientation about the base's x and y axes against the plane of the standing feet, rad: the unit
     /// is tilted, or the floor is.
     pub tilt: Option<[Estimate; 2]>,
 }
 
 impl Standing {
-    /// From logs of one robot on level ground. The result does not depend on the number of `threads`.
+    /// Examines logs of one robot on level ground. The result does not depend on the number of `threads`.
     ///
     /// # Errors
     /// Logs without what is needed, see [`SwingError`].
@@ -44,6 +44,7 @@ impl Standing {
         let mut standing = Self { tilt: tilt(model, logs, threads)? };
         // Which feet stand is judged by their heights too, so a first look sees a part of the tilt.
         for _ in 1..ROUNDS {
+            // Nothing is taken out, so the next look would see the same.
             if standing.taken_out() == [0.0; 2] {
                 break;
             }
@@ -79,6 +80,7 @@ impl Standing {
             && let Some(quaternions) = better.base.as_mut().and_then(|base| base.quaternion.as_mut())
         {
             let angle = roll.hypot(pitch);
+            // The base is turned about the same axis by the opposite angle.
             let level = axis_angle([-roll / angle, -pitch / angle, 0.0], angle);
             for quaternion in quaternions.chunks_exact_mut(4) {
                 let turned = product(quat_of(quaternion), level);
@@ -111,6 +113,7 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
             return Ok(None);
         }
         for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
+            // The log's number in the upper half keeps blocks of different logs apart.
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
             let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();

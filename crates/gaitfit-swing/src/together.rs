@@ -131,10 +131,13 @@ impl Current {
                 }
             }
             right -= &seen.projected * pull;
+            // Expectation: the second moment of the acceleration's error is that of its mean plus what is not known
+            // of it.
             shakes += mean.component_mul(&mean) + seen.spread.diagonal();
             for (row, residual) in rows.iter_mut().zip(&seen.residuals) {
                 let lever = Vector3::from(row.window.lever);
                 let left = residual - lever.dot(&mean);
+                // The same for the residual that is left.
                 let square = left * left + lever.dot(&(seen.spread * lever));
                 squares[row.group][0] += row.weight * square;
                 squares[row.group][1] += row.weight;
@@ -147,7 +150,7 @@ impl Current {
 }
 
 impl<'a> Equations<'a> {
-    /// From the solutions of each group alone at `delay` (in steps).
+    /// Equations around the solutions of each group alone at `delay` (in steps).
     fn new(
         groups: &'a [Group<'a>],
         solutions: &[Solution],
@@ -162,9 +165,12 @@ impl<'a> Equations<'a> {
         let mut first = 0;
         for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
             values.rows_mut(first, group.columns()).copy_from(&solution.values);
+            // Windows of all joints have common middles. In units of 0.1 ms these times are whole numbers, which a
+            // map can order.
             for (window, weight) in group.windows.iter().zip(&solution.weights) {
                 let factors = group.row(window).map(|(place, factor)| {
                     let place = first + place;
+                    // Without its factor a held unknown leaves the equations.
                     (place, if held.contains(&place) { 0.0 } else { factor })
                 });
                 let row = Row { window, group: number, factors, weight: *weight, left: 0.0 };
@@ -186,6 +192,8 @@ impl<'a> Equations<'a> {
             let sums = self.sums()?;
             self.improve(sums)?;
         }
+        // The bread of a sandwich for clustered errors (Liang and Zeger 1986): it goes on both sides of the scores'
+        // products, the meat.
         let bread = self.sums()?.normal.try_inverse()?;
         let seen = self.seen()?;
         let lag = self.current.lag();
@@ -198,6 +206,7 @@ impl<'a> Equations<'a> {
         });
         let by_load = explained.split_off(2);
         let [by_strength, by_target] = <[_; 2]>::try_from(explained).ok()?;
+        // The last clusters are the coarsest: logs, if there are enough of them.
         let strength = self.strength(&seen, clusters[clusters.len() - 1], &by_strength, &by_target);
         Some(Together {
             covariances: clusters.iter().map(|cluster| self.covariance(&seen, &bread, cluster)).collect(),
@@ -213,6 +222,8 @@ impl<'a> Equations<'a> {
     /// One pass over all rows at the present values, which keeps what is left of each row in it.
     fn sums(&mut self) -> Option<Sums> {
         let length = self.moments.len().div_ceil(PARTS).max(1);
+        // Whatever the number of threads, the parts are the same and are added in the same order: so are the last
+        // bits.
         let mut parts: Vec<Option<Sums>> = self.moments.chunks(length).map(|_| None).collect();
         let mut workers = vec![(); self.threads.clamp(1, PARTS)];
         let jobs = self.moments.chunks_mut(length).zip(&mut parts);
@@ -224,22 +235,26 @@ impl<'a> Equations<'a> {
             sums.add(part?);
         }
         sums.normal.fill_upper_triangle_with_lower_triangle();
+        // The row of a held unknown is empty; 1 on the diagonal keeps the matrix invertible and its step 0.
         self.held.iter().for_each(|&place| sums.normal[(place, place)] = 1.0);
         Some(sums)
     }
 
     /// Moves values, weights and variances to those that the sums of a round ask for.
     fn improve(&mut self, mut sums: Sums) -> Option<()> {
-        // A spread that single large residuals do not move.
+        // A spread that single large residuals do not move: the median of normal residuals is their deviation /
+        // 1.4826.
         let spread = |sizes: &mut Vec<f64>| {
             let middle = sizes.len() / 2;
             1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
         };
         let spreads: Vec<f64> = sums.sizes.iter_mut().map(spread).collect();
         for row in self.moments.iter_mut().flatten() {
+            // 1e-300 stands for a residual of 0, which has the full weight.
             row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
         }
         self.current.values += sums.normal.cholesky()?.solve(&sums.right);
+        // Maximisation: the variances under which the expected squares of this round are the most likely.
         self.current.variances = sums.squares.iter().map(|[square, weight]| square / weight).collect();
         self.current.shaking = sums.shakes / self.moments.len() as f64;
         Some(())
@@ -308,6 +323,7 @@ impl<'a> Equations<'a> {
             }
         }
         let ([low, _], [high, error]) = (ratio(&sums[0]), ratio(&sums[1]));
+        // The truth may be anywhere between the two, so half of their distance counts as an error too.
         let strength = Some([0.5 * (low + high), error.hypot(0.5 * (high - low))]);
         // Logs whose targets stand still do not show the strength.
         strength.filter(|one| one.iter().all(|part| part.is_finite())).unwrap_or([0.0, 1.0])
@@ -327,11 +343,13 @@ impl<'a> Equations<'a> {
             seen.score(&|row| seen.residuals[row], score);
         }
         let count = scores.len() as f64;
+        // The scatter of fewer clusters says nothing.
         if count < 4.0 {
             return None;
         }
         let mut meat = DMatrix::zeros(columns, columns);
         scores.values().for_each(|score| meat.ger(1.0, score, score, 1.0));
+        // The factor corrects for few clusters: the scores sum to 0, so one of them is not free.
         Some((bread * meat * bread) * (count / (count - 1.0)))
     }
 }

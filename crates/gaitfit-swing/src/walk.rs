@@ -6,7 +6,8 @@ use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::{IDENTITY, Quat, Vec3, blend, quat_of};
 use gaitfit_model::{Model, Root};
 
-/// The grid is at least this fine, s: swings of the fastest gaits last 0.1 s.
+/// The grid is at least this fine, s: swings of the fastest gaits last 0.1 s. A little above 2.5 ms, so that
+/// rounding of a period of 20 or 5 ms does not ask for one more grid point a sample.
 const FINE_S: f64 = 0.0026;
 /// Noise of joint velocities, rad/s: below it their sign is not sure.
 const SIGN_RATE: f64 = 0.05;
@@ -32,7 +33,7 @@ pub struct Walk {
     pub rates: Vec<Vec3>,
     /// Times of the log's samples, s, from the first.
     pub sample_times: Vec<f64>,
-    /// How long after its row a target was sent, s.
+    /// Time from a row to the sending of its target, s.
     pub lead: f64,
     /// Targets at the log's samples, rad; `samples × joints`. NaN for joints that the log lacks.
     pub targets: Vec<f64>,
@@ -42,7 +43,7 @@ pub struct Walk {
     pub joints: usize,
     /// Rate within which the sign of a joint's velocity is not sure, rad/s.
     pub sign_rate: f64,
-    /// What follows from the poses and velocities above, computed once.
+    /// Poses of the limbs that follow from the positions and velocities above, computed once.
     pub(crate) poses: Poses,
 }
 
@@ -117,7 +118,7 @@ impl Walk {
         let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
         let step = period / per_sample as f64;
         let start = log.time[0];
-        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1;
+        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1; // 1e-6: rounding.
         if points.saturating_mul(joints.max(1)) > 50_000_000 {
             return Err(SwingError::Long { log: name(), seconds: log.duration() });
         }
@@ -185,6 +186,7 @@ impl Walk {
     /// Sign of a joint's velocity `lead` grid points later, smooth where it is not sure.
     pub(crate) fn sign(&self, joint: usize, point: usize, lead: usize) -> f64 {
         let dq = self.dq[(point + lead).min(self.points() - 1) * self.joints + joint];
+        // Near 0, where noise decides the sign, x/√(x² + r²) is small.
         dq / dq.hypot(self.sign_rate)
     }
 
@@ -192,6 +194,7 @@ impl Walk {
     /// before there is one.
     pub fn target(&self, joint: usize, at: f64, delay: f64) -> f64 {
         let sent = at - delay - self.lead;
+        // A target that is sent at this very time counts, whatever the rounding.
         let sample = self.sample_times.partition_point(|time| *time <= sent + 1e-9).saturating_sub(1);
         self.targets[sample * self.joints + joint]
     }

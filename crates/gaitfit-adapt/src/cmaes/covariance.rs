@@ -105,6 +105,7 @@ impl Covariance {
         match self {
             Self::Full { c, d, .. } => {
                 let n = d.len();
+                // Each value is computed once for both triangles, so that C stays symmetric to the last bit.
                 for i in 0..n {
                     for j in 0..=i {
                         let rank_mu: f64 = weights.iter().zip(steps).map(|(w, y)| w * (y[i] * y[j])).sum();
@@ -115,6 +116,7 @@ impl Covariance {
                 }
             }
             Self::Separable { c, .. } => {
+                // −0 is the neutral element of addition: it keeps the sign of a sum of zeros.
                 let mut rank_mu = vec![-0.0; c.len()];
                 for (w, y) in weights.iter().zip(steps) {
                     rank_mu.iter_mut().zip(y).for_each(|(sum, y)| *sum += w * (y * y));
@@ -182,6 +184,7 @@ fn decompose(c: &mut [f64], b: &mut [f64], d: &mut [f64]) -> bool {
         return false;
     };
     let mut order: Vec<usize> = (0..n).collect();
+    // Ascending, so that the number of an axis does not depend on the order in which the decomposition finds them.
     order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
     for (column, source) in order.into_iter().enumerate() {
         d[column] = positive(eigen.eigenvalues[source]).sqrt();

@@ -9,7 +9,7 @@ pub enum CmaError {
     /// A vector of the settings has the wrong length.
     #[error("{what} has {len} entries but the start has {expected}")]
     Length {
-        /// Which vector.
+        /// Name of the vector.
         what: &'static str,
         /// Its length.
         len: usize,
@@ -19,23 +19,23 @@ pub enum CmaError {
     /// A number of the settings is out of range.
     #[error("{what} of coordinate {index} is {value}; it must be {requirement}")]
     Coordinate {
-        /// Which setting.
+        /// Name of the setting.
         what: &'static str,
         /// Coordinate, from 0.
         index: usize,
         /// The value.
         value: f64,
-        /// What would be right.
+        /// The condition that it must fulfil, in words.
         requirement: &'static str,
     },
     /// A scalar of the settings is out of range.
     #[error("{what} is {value}; it must be {requirement}")]
     Setting {
-        /// Which setting.
+        /// Name of the setting.
         what: &'static str,
         /// The value.
         value: f64,
-        /// What would be right.
+        /// The condition that it must fulfil, in words.
         requirement: &'static str,
     },
     /// The start lies outside its bounds.
@@ -52,7 +52,7 @@ pub enum CmaError {
         /// Upper bound.
         upper: f64,
     },
-    /// As many costs as candidates are needed.
+    /// The number of costs told is not the number of candidates.
     #[error("{got} costs were told for {expected} candidates")]
     CostCount {
         /// Costs told.

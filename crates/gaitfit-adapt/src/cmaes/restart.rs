@@ -117,6 +117,7 @@ impl Search {
                 return Err(CmaError::State(format!("its finished run {number} is damaged")));
             }
         }
+        // The state of a search that is complete is that of its last run.
         let run = if complete { ended.saturating_sub(1) } else { ended } as u32;
         let current = Cma::resume(run_settings(&settings, plan, run), state.current)?;
         let limit = settings.tolerances.max_generations.unwrap_or(u32::MAX);
@@ -125,6 +126,7 @@ impl Search {
             finished.pop();
             complete = false;
         }
+        // A run that is followed by others cannot go on, and none can be cut: only the limit that it ended at fits.
         let other_limit = |run: &&RunSummary| cut(run) || run.generations > limit;
         if let Some(other) = finished.iter().find(other_limit) {
             let (run, done) = (u64::from(other.run) + 1, other.generations);
@@ -271,6 +273,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
     }
     changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
     let factor = (plan.population_factor as usize).saturating_pow(run);
+    // A stated population above the limit stays as it is.
     changed.population =
         settings.population.saturating_mul(factor).min(POPULATION_MAX.max(settings.population));
     if plan.start == RestartStart::Uniform {

@@ -78,6 +78,7 @@ pub(crate) fn reason(settings: &Settings, state: &State) -> Option<StopReason> {
     if state.numerical_failure {
         return Some(StopReason::NumericalFailure);
     }
+    // Before, the ring still has the zeros that it began with.
     if state.generation as usize > state.history.len() {
         let smallest = state.history.iter().map(|[best, _]| *best).fold(f64::INFINITY, f64::min);
         let largest = state.history.iter().map(|[_, worst]| *worst).fold(f64::NEG_INFINITY, f64::max);

@@ -15,7 +15,7 @@ pub struct Breakdown {
 /// The part of one signal, in units where the robot's range is 2 (−1 to 1).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GroupCost {
-    /// Which signal.
+    /// The signal compared.
     pub signal: Signal,
     /// Its factor in the total.
     pub weight: f64,

@@ -9,9 +9,9 @@ pub enum CostError {
     /// rank it last and continue.
     #[error("simulated {signal} of {of} is not finite at sample {sample} of recording {recording}")]
     NotFinite {
-        /// Which signal.
+        /// The simulated signal.
         signal: Signal,
-        /// Which dimension, for example `joint FL_hip` or `axis x`.
+        /// The signal's dimension, for example `joint FL_hip` or `axis x`.
         of: String,
         /// Recording number.
         recording: usize,
@@ -23,9 +23,9 @@ pub enum CostError {
         "recorded {signal} of {of} is not finite at sample {sample} of recording {recording}; cut or repair the log"
     )]
     ReferenceNotFinite {
-        /// Which signal.
+        /// The recorded signal.
         signal: Signal,
-        /// Which dimension, for example `joint FL_hip` or `axis x`.
+        /// The signal's dimension, for example `joint FL_hip` or `axis x`.
         of: String,
         /// Recording number.
         recording: usize,
@@ -38,21 +38,21 @@ pub enum CostError {
     /// A matrix is not `samples × joints`, or `samples × 3` for the base.
     #[error("{signal} of recording {recording} has {len} values, which is not {expected}")]
     Shape {
-        /// Which signal.
+        /// The signal whose matrix it is.
         signal: Signal,
         /// Recording number.
         recording: usize,
         /// Values found.
         len: usize,
-        /// What it should be, in words.
+        /// The number of values it should have, in words.
         expected: String,
     },
     /// A signal has a positive weight but one of the sides lacks it.
     #[error("{signal} has a positive weight but {side} has no {signal}; set its weight to 0 or supply it")]
     MissingSignal {
-        /// Which signal.
+        /// The weighted signal.
         signal: Signal,
-        /// Which side.
+        /// The side that lacks it, in words.
         side: String,
     },
     /// A privileged cost meets a log without the base's state.
@@ -63,7 +63,7 @@ pub enum CostError {
     Privileged {
         /// The cost.
         cost: String,
-        /// What is missing.
+        /// The base's signal that the log lacks.
         signal: Signal,
     },
     /// Every dimension of a weighted signal is constant on the robot, so there is no scale.

@@ -98,6 +98,7 @@ impl FromStr for CostKind {
             _ => {
                 let unknown = || UnknownCost(name.to_owned());
                 let horizon = |stem: &str| -> Option<NonZeroUsize> {
+                    // `parse` takes a sign and leading zeros, but names must read as they print.
                     name.strip_prefix(stem).filter(|rest| !rest.starts_with(['+', '0']))?.parse().ok()
                 };
                 match (horizon("matchs"), horizon("matchr")) {

@@ -90,6 +90,7 @@ pub(super) fn squares(
                 let sum = sum(signal, column);
                 // Without a fall this adds exactly 0.
                 dimension.scale.map(|scale| {
+                    // Sums are unscaled, so what counts for lost samples is brought to the dimension's unit.
                     let mean = (sum + lost / (scale * scale)) / counted as f64;
                     scale * mean.sqrt()
                 })

@@ -103,6 +103,7 @@ struct Samples {
 
 impl PartialEq for Samples {
     fn eq(&self, other: &Self) -> bool {
+        // The ascending samples follow from the recorded ones.
         self.recorded == other.recorded
     }
 }
@@ -214,6 +215,7 @@ impl Reference {
         for (signal, recorded) in Signal::ALL.iter().zip(&self.signals) {
             let Some(recorded) = recorded else { continue };
             sum.text(&signal.to_string());
+            // Not a number stands for a dimension that is not compared.
             let scales = recorded.dimensions.iter().map(|one| one.scale.unwrap_or(f64::NAN));
             sum.numbers(&scales.collect::<Vec<_>>());
             recorded.recordings.iter().for_each(|matrix| sum.numbers(matrix));

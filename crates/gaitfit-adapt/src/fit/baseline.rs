@@ -58,6 +58,7 @@ pub fn best_delay(longest: f64, step: f64, mut error: impl FnMut(f64) -> f64) ->
         look((i as f64 * step).min(longest), &mut best);
     }
     let centre = best.1;
+    // Twenty steps further are the neighbours in the grid, which were looked at.
     for i in -19_i32..=19 {
         look((centre + f64::from(i) * step / 20.0).clamp(0.0, longest), &mut best);
     }

@@ -298,6 +298,7 @@ impl<'a> Fit<'a> {
             evaluations += simulated;
             reports.push((index, report));
         }
+        // Runs of least squares were done first; reports come in the order of the runs.
         reports.sort_by_key(|(index, _)| *index);
         let reports = reports.into_iter().map(|(_, report)| report).collect();
         self.generation = generation;

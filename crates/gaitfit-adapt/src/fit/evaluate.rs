@@ -89,6 +89,7 @@ pub fn accumulate<S: Simulator + ?Sized>(
         let Some(pending) = pending.get(candidate) else { return };
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         pending.falls += usize::from(signals.fell_at.is_some());
+        // An error has already ended this candidate's comparison; its falls still count.
         if pending.cost.is_some() {
             return;
         }

@@ -54,6 +54,7 @@ impl FallRisk {
             simulated.map(|(values, evaluation)| Seen { values: values.clone(), fell: evaluation.falls > 0 }),
         );
         self.seen.drain(..self.seen.len().saturating_sub(REMEMBERED));
+        // Without a fall there is nothing to learn, and no candidate pays.
         if self.seen.iter().all(|one| !one.fell) {
             self.seen.clear();
         }
@@ -78,6 +79,7 @@ impl FallRisk {
         let expected = |values: &Vec<f64>| {
             // −ln(1 − p) is ln(1 + eˣ) of the logit x.
             let none = softplus(DVector::from_vec(scaled(values)).dot(&slopes));
+            // N (1 − (1 − p)^(1/N)); `exp_m1` keeps small risks exact.
             recordings * -(-none / recordings).exp_m1()
         };
         candidates.iter().map(expected).collect()
@@ -101,6 +103,7 @@ impl FallRisk {
         let penalty = |slopes: &DVector<f64>| slopes.rows_range(1..).norm_squared() / (2.0 * SLOPE_VARIANCE);
         let objective = |slopes: &DVector<f64>| {
             let logits = rows * slopes;
+            // The negative log likelihood of each fall and of each walk without one.
             let loss = logits.iter().enumerate().map(|(row, logit)| softplus(*logit) - fell(row) * logit);
             loss.sum::<f64>() + penalty(slopes)
         };
@@ -112,6 +115,7 @@ impl FallRisk {
             let mut gradient = rows.tr_mul(&apart);
             let mut weighted = rows.clone();
             for (row, chance) in chances.iter().enumerate() {
+                // The curvature of this loss is Xᵀ diag(p (1 − p)) X.
                 weighted.row_mut(row).scale_mut((chance * (1.0 - chance)).sqrt());
             }
             let mut curvature = weighted.tr_mul(&weighted);

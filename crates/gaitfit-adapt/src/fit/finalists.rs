@@ -51,6 +51,7 @@ impl CostOutcome {
         };
         let means = self.runs.iter().map(|run| clamped(&run.mean)).filter(|mean| !mean.is_empty());
         let mut finalists: Vec<Vec<f64>> = Vec::new();
+        // Means first, then the last best values: if there are too many, the oldest are left out.
         for values in means.chain(best.rev().map(<[f64]>::to_vec)) {
             if finalists.len() < MAX_FINALISTS && !finalists.contains(&values) {
                 finalists.push(values);

@@ -11,7 +11,7 @@ pub(super) fn narrow(entry: &Entry, lower: f64, upper: f64) -> bool {
     upper - lower < MAX_SHARE * (entry.upper - entry.lower)
 }
 
-/// Where the noise of the cost is known from.
+/// Source of the noise of a cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum NoiseSource {
@@ -38,7 +38,7 @@ pub struct Identification {
     /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
     /// 0 where refits or simulated robots give the interval.
     pub rise: f64,
-    /// Where it is known from.
+    /// Source of the noise or of the interval.
     pub noise: NoiseSource,
     /// Whether the interval is less than half as wide as the bounds.
     pub identified: bool,

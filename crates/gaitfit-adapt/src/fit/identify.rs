@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
 pub const MAX_SCANNED: usize = 50;
-/// Steps of the scan, parts of the range; the bounds come on top.
+/// Steps of the scan, parts of the range, half a decade apart; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Draws, where recordings are too few or the robot falls.
 const DRAWS: u64 = 8;
@@ -73,6 +73,7 @@ pub fn identify(
     let views = Views::new(cost, recordings, simulator.logs());
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
+    // Several recordings show the noise by their differences; of a single one only other random draws can.
     let more = if views.count() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =
         (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
@@ -93,6 +94,7 @@ pub fn identify(
     };
     let rise = |costs: &Vec<f64>| {
         let rises: Vec<f64> = costs.iter().zip(&centre).map(|(there, here)| there - here).collect();
+        // The first view holds all recordings. The others leave a group out, for the jackknife.
         (rises[0], jackknife(&rises[1..]).max(fixed).max(floor))
     };
 
@@ -184,6 +186,7 @@ fn scan(at: usize, entry: &Entry, value: f64) -> Vec<Point> {
     let mut points = Vec::new();
     for (bound, sign) in [(entry.lower, -1.0), (entry.upper, 1.0)] {
         let room = (bound - value).abs();
+        // A step that nearly reaches the bound would only repeat its point.
         let steps = STEPS.iter().map(|step| step * range).filter(|step| *step < 0.9 * room);
         points.extend(steps.map(|step| Point { entry: at, value: value + sign * step }));
         if room > 0.0 {
@@ -202,6 +205,7 @@ fn verdict(
     charged: impl Fn(f64) -> f64,
 ) -> Identification {
     let side = |below: bool| -> (f64, f64) {
+        // Ordered by distance, as `end` expects them.
         let mut side: Vec<(f64, Rise)> = points
             .iter()
             .filter(|(at, _)| (*at < value) == below)

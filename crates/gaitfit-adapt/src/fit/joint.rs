@@ -182,7 +182,7 @@ fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize
 }
 
 /// The inverse with no direction flatter than [`FLATTEST`], and the directions that are; `None` if the cost does not
-/// rise.
+/// rise: a Newton step along a flat direction would be as long as noise makes it.
 fn inverse(curvature: &DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<DVector<f64>>)> {
     let min = FLATTEST * curvature.trace() / curvature.nrows() as f64;
     if !(min.is_finite() && min > 0.0) {

@@ -22,7 +22,7 @@ pub struct Origin {
     pub prior_weight: f64,
     /// The costs.
     pub costs: Vec<Against>,
-    /// How it searches.
+    /// Options of the search.
     pub options: FitOptions,
 }
 

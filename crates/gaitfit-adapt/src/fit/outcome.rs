@@ -249,6 +249,7 @@ impl CostOutcome {
         else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
+        // Without the price of priors, which the cost of a search contains.
         self.best_cost = residuals.cost;
         self.take(problem.theta, &correction.corrected);
         self.correction = Some(correction);
@@ -315,6 +316,7 @@ impl CostOutcome {
     /// As [`uncertainty`].
     pub fn trust(&mut self, problem: Problem<'_>, alternatives: &[Alternative<'_>]) -> Result<(), FitError> {
         let correction = self.correction.as_ref();
+        // It is measured where the search ended; the correction carries it from there.
         let values = correction.map_or_else(|| self.values(), |correction| correction.uncorrected.clone());
         self.uncertainty = uncertainty(problem, alternatives, &values, correction)?;
         let Some(uncertainty) = &self.uncertainty else { return Ok(()) };

@@ -160,6 +160,7 @@ impl Run {
         let all_diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
         let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
         let sigma = search.current().sigma();
+        // A run that was resumed has not asked; asking again gives the same candidates.
         let population = asked.take().unwrap_or_else(|| search.ask());
         let mut costs: Vec<f64> =
             evaluations.iter().map(|evaluation| evaluation.cost.unwrap_or(f64::INFINITY)).collect();
@@ -179,6 +180,7 @@ impl Run {
         }
         let mut stuck = false;
         if restarted {
+            // Costs before a restart say nothing of the run after it.
             self.course.clear();
         } else {
             if options.patience > 0 {
@@ -226,7 +228,7 @@ impl Run {
         })
     }
 
-    /// Where the search was left, see [`RunOutcome::deviations`].
+    /// Width of the search in each entry where it was left, see [`RunOutcome::deviations`].
     fn deviations(&self) -> Vec<f64> {
         match &self.by {
             By::CmaEs { search, .. } if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {
@@ -287,6 +289,7 @@ impl Run {
                 {
                     search.end().map_err(refused)?;
                 }
+                // To the search, patience and tolerance are the same: this run ended it.
                 let patient = saved.stop == Some(Stop::Patience);
                 let stop = why_stop(&search).map(|stop| match stop {
                     Stop::Tolerance if patient => Stop::Patience,
@@ -336,6 +339,7 @@ fn is_flat(course: &[f64], patience: usize) -> bool {
     let (before, now) = (mean(&last[..half]), mean(&last[half..]));
     let apart = |costs: &[f64], mean: f64| costs.iter().map(|cost| (cost - mean).powi(2)).sum::<f64>();
     let squares = apart(&last[..half], before) + apart(&last[half..], now);
+    // The standard error of the difference of two means, by the variance of both halves together.
     let error = (squares / half.saturating_sub(1).max(1) as f64 / half as f64).sqrt();
     now.is_finite() && (before - now).abs() + error < FLAT * before.abs()
 }
@@ -346,6 +350,7 @@ fn why_stop(search: &Search) -> Option<Stop> {
     Some(match last.stop {
         StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
         StopReason::MaxGenerations => Stop::Generations,
+        // A run ends its search at the tolerance, or by patience, which [`Run::tell`] then names instead.
         StopReason::Ended => Stop::Tolerance,
         _ => Stop::Converged,
     })

@@ -38,6 +38,7 @@ pub(super) fn reach(
         if !(last.is_finite() && last > 0.0) {
             continue;
         }
+        // A step that nearly reaches the bound would only repeat its point.
         let inside = (0..STEPS).map(|step| 2f64.powi(step)).filter(|step| *step < 0.9 * last);
         let steps: Vec<f64> = inside.chain([last]).collect();
         let moved = |step: &f64| {

@@ -27,9 +27,11 @@ impl<'a> Views<'a> {
         let groups = logs.min(GROUPS);
         let without = |group: usize| {
             let kept: Vec<usize> =
+                // Recordings repeat the logs in their order, so `recording % logs` is the log.
                 (0..recordings).filter(|recording| recording % logs % groups != group).collect();
             Some((cost.subset(&kept)?, kept))
         };
+        // Without the only group nothing would be left to compare.
         let all = if groups < 2 { None } else { (0..groups).map(without).collect::<Option<_>>() };
         Self { cost, recordings, without: all.unwrap_or_default() }
     }

@@ -9,7 +9,7 @@ use serde::Serialize;
 pub struct Entry {
     /// Name, for example `frictionloss_hip` or `resid_act_RR_calf_0`.
     pub name: String,
-    /// What it changes, for example `frictionloss` or `resid_act`.
+    /// The quantity that it changes, for example `frictionloss` or `resid_act`.
     pub kind: &'static str,
     /// Unit of the value; `-` for none.
     pub unit: String,

@@ -40,11 +40,14 @@ pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64
     weights[first(VELOCITY, 2)] = INERTIA / velocity;
     weights[first(VELOCITY_BEFORE, 2)] = -INERTIA / velocity;
     weights[first(ANGLE, 3)] = STIFFNESS / position;
+    // Behind the first layer's weights and its units' biases.
     let second = (inputs + 1) * units;
+    // Unit k of the second layer takes unit k of the first alone. The sign makes positive weights resist.
     for (unit, size) in [SMALL, 1.0, 1.0, 1.0].into_iter().enumerate() {
         weights[second + unit * seconds + unit] = -size;
     }
     weights[NETWORK_WEIGHTS - OUTPUT_WEIGHTS..].copy_from_slice(last);
+    // The last weight is the output's bias: the offset.
     weights[NETWORK_WEIGHTS - 1] *= SMALL;
     weights
 }

@@ -51,7 +51,7 @@ pub struct ThetaFile {
 pub struct SavedParameter {
     /// Name.
     pub name: String,
-    /// What it changes.
+    /// The quantity that it changes, for example `frictionloss`.
     pub kind: String,
     /// The joints it covers, by name or, in a file written by hand, by pattern (`*_hip*`, `{FL,FR}_*`); empty for what is not a joint's.
     #[serde(default)]
@@ -87,7 +87,7 @@ pub struct SavedParameter {
 pub struct SavedNetwork {
     /// Name, for example `resid_act_RR_calf`.
     pub name: String,
-    /// What it corrects.
+    /// The quantity that the network corrects.
     pub kind: NetworkName,
     /// The joint.
     pub joint: String,
@@ -180,7 +180,7 @@ pub enum ThetaFileError {
     Pattern {
         /// Parameter.
         name: String,
-        /// Which pattern, and why not.
+        /// The pattern, and what is wrong with it.
         source: PatternError,
     },
     /// A joint that the robot lacks.

@@ -75,6 +75,7 @@ impl ParameterRule {
     /// Patterns that do not fit; one value, or numbers, for joints of both kinds; gears in a robot with slides.
     pub fn by_kind(&self, model: &Model, scales: bool) -> Result<Vec<Self>, ThetaError> {
         let unit = self.kind.unit();
+        // Where both kinds have the same unit, one rule is enough.
         if JointKind::Slide.unit(unit) == unit || !model.has_slides() {
             return Ok(vec![self.clone()]);
         }
@@ -101,6 +102,7 @@ impl ParameterRule {
             }
         };
         let numbers = [self.lower, self.upper, self.start, self.deviation];
+        // A shared value, or numbers in the unit of one kind, cannot be those of both.
         let one = self.per == Sharing::All || (!scales && numbers.iter().any(Option::is_some));
         match (hinges.first(), slides.first()) {
             (Some(hinge), Some(slide)) if one => Err(ThetaError::Kinds {
@@ -112,6 +114,7 @@ impl ParameterRule {
                 Ok(vec![rule_for(&hinges, JointKind::Hinge), rule_for(&slides, JointKind::Slide)])
             }
             (None, Some(_)) => {
+                // The patterns cover no hinge, so they stay.
                 let joints = self.joints.clone();
                 Ok(vec![Self { joints, ..rule_for(&slides, JointKind::Slide) }])
             }

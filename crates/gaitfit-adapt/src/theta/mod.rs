@@ -105,7 +105,7 @@ pub enum ThetaError {
     Joints {
         /// The searched parameter.
         kind: &'static str,
-        /// Which pattern, and why not.
+        /// The pattern, and what is wrong with it.
         source: PatternError,
     },
     /// One value, or bounds, for hinges and slides, whose units differ.
@@ -155,7 +155,7 @@ pub enum ThetaError {
         first: String,
         /// The other.
         second: String,
-        /// What they change.
+        /// The quantity that both change.
         kind: &'static str,
         /// ` of joint …`, or nothing.
         of: String,
@@ -165,7 +165,7 @@ pub enum ThetaError {
         "networks {kind}: {what} is {value:e}; scales must be 1e-6 to 1e6, regularisation at least 0 and finite"
     )]
     Network {
-        /// What they correct.
+        /// Kind of the networks.
         kind: &'static str,
         /// The number.
         what: &'static str,
@@ -175,7 +175,7 @@ pub enum ThetaError {
     /// Rest angles do not fit the joints.
     #[error("networks {kind}: there are {count} rest angles for {joints} joints; needed: one each, finite")]
     Rest {
-        /// What they correct.
+        /// Kind of the networks.
         kind: &'static str,
         /// Rest angles.
         count: usize,
@@ -187,7 +187,7 @@ pub enum ThetaError {
     Prior {
         /// The name it was given for.
         name: String,
-        /// What is wrong.
+        /// What is wrong, in words that follow the name.
         why: String,
     },
     /// Two entries have the same name.

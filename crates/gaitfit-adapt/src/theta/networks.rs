@@ -93,7 +93,7 @@ impl NetworkStart {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkRule {
-    /// What they correct.
+    /// The quantity that the networks correct.
     pub kind: NetworkName,
     /// How many joints share weights. A network sees its own joint alone either way.
     #[serde(default = "per_joint")]
@@ -107,7 +107,7 @@ pub struct NetworkRule {
     /// Upper bound of every weight that is searched.
     #[serde(default = "one")]
     pub upper: f64,
-    /// Where the search begins.
+    /// Start of the search.
     #[serde(default)]
     pub start: NetworkStart,
     /// First standard deviation of every weight that is searched.
@@ -372,6 +372,7 @@ pub(super) fn read(
         return Err(ThetaFileError::Twice { name: saved.name.clone(), joint: saved.joint.clone() });
     }
     let scales = NetworkScales { position: scales[0], velocity: scales[1], output: scales[2] };
+    // Networks of one kind and scale are one block, because a candidate states its scales once a block.
     if candidate.networks.last().is_none_or(|last| last.kind != kind || last.scales != scales) {
         candidate.networks.push(JointNetworks {
             kind,

@@ -89,6 +89,7 @@ impl Theta {
             let entry = &mut self.entries[at];
             let range = entry.upper - entry.lower;
             entry.start = prior.value.clamp(entry.lower, entry.upper);
+            // A prior narrows the first steps of a search and never widens them.
             entry.deviation = prior.deviation.clamp(STEPS[0] * range, STEPS[1] * range).min(entry.deviation);
             of_entries[at] = Some(*prior);
         }

@@ -21,7 +21,7 @@ pub enum Sharing {
 pub(super) struct Share<'a> {
     /// The group, the joint without `_joint`, or where all share the words of their patterns, of `*` none.
     name: String,
-    /// At least one.
+    /// The joints, at least one.
     pub(super) joints: Vec<&'a String>,
 }
 

@@ -15,7 +15,7 @@ pub type Alternatives = Vec<Other>;
 
 /// Another simulator of the same logs.
 pub struct Other {
-    /// How it differs, in words.
+    /// The difference, in words.
     what: String,
     simulator: Box<SharedSimulator>,
     /// Whether it differs in what a correction by simulated logs takes away.
@@ -33,7 +33,7 @@ impl Other {
         Self { simulator: share(self.simulator), ..self }
     }
 
-    /// As a fit takes it.
+    /// The simulator in the form in which a fit takes it.
     pub fn alternative(&self) -> Alternative<'_> {
         Alternative { what: self.what.clone(), simulator: self.simulator.as_ref() }
     }

@@ -41,10 +41,10 @@ pub struct Audit {
     pub memory: f64,
     /// Part of the errors' variance that goes with what the robot does, mean over joints.
     pub explained: f64,
-    /// With what it goes most: the name and the largest correlation, mean of the joints' sizes.
+    /// The quantity that errors go with most: its name and the correlation's size, mean over joints.
     #[serde(rename = "most")]
     pub strongest: (String, f64),
-    /// The joint of whose errors most goes with motion, and how much of them.
+    /// The joint of whose errors the largest part goes with motion, and that part, 0 to 1.
     pub worst_joint: (String, f64),
 }
 
@@ -92,6 +92,7 @@ impl Series {
         let end =
             velocity.len().min(walk.velocity.len() / joints.max(1)).min(walk.fell_at.unwrap_or(usize::MAX));
         let mut series = Self { errors: Vec::new(), motions: Vec::new() };
+        // The change of a target needs two samples before.
         for at in skip.max(2)..end {
             let (last, before) = (at - 1, at - 2);
             let part = |part: usize| command.get(3 * last + part).copied().unwrap_or(0.0);
@@ -100,6 +101,7 @@ impl Series {
                 velocity[last],
                 (velocity[last] / SLOW).tanh(),
                 velocity[last] - velocity[before],
+                // The torque of a position controller but for its gains.
                 target[last] - position[last],
                 target[last] - target[before],
                 part(0),
@@ -113,7 +115,7 @@ impl Series {
     }
 }
 
-/// The sentence about the errors of one joint.
+/// Properties of the errors of one joint.
 struct Joint {
     memory: f64,
     explained: f64,
@@ -167,6 +169,7 @@ fn explained(columns: &[&DVector<f64>], wanted: &DVector<f64>) -> f64 {
     if entries == 0 || wanted.len() <= entries + 1 {
         return 0.0;
     }
+    // 1e-9 keeps the equations solvable if columns follow from each other.
     let matrix = DMatrix::from_fn(entries, entries, |i, j| {
         columns[i].dot(columns[j]) + if i == j { 1e-9 } else { 0.0 }
     });

@@ -27,6 +27,7 @@ pub struct Check {
 impl Check {
     /// A check that a number is at most `limit`.
     pub fn at_most(name: &str, limit: f64, value: Option<f64>) -> Self {
+        // A simulation that diverged has no number, and fails the check.
         let passed = value.is_some_and(|value| value <= limit);
         Self { name: name.to_owned(), limit: Some(limit), value, passed, found: String::new() }
     }

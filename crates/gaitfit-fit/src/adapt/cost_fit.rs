@@ -150,6 +150,7 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
     let (x, ends) = (parameters[distance].found.value, parameters[distance].interval);
     let moment = parameters[mass].found.value * x;
     for end in ends.unwrap_or_default() {
+        // On the other side of the base's middle no mass has this moment, so the mass may be anything above.
         let other = if end * x > 0.0 { moment / end } else { parameters[mass].found.upper };
         parameters[mass].reach(other);
     }

@@ -32,6 +32,7 @@ pub fn doubts(
         .collect();
     let reasons = unsettled(outcome, &course);
     if !reasons.is_empty() {
+        // More generations help neither least squares that ended by itself nor a search that its time limit cut.
         let apart =
             outcome.uncertainty.is_some() && best.is_some_and(|run| run.stop != Some(Stop::Generations));
         let cut = best.is_some_and(|run| run.stop.is_none());
@@ -94,7 +95,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     warnings
 }
 
-/// Which parameters the logs do not identify, and from where to where each fits as well.
+/// Parameters that the logs do not identify, each with the range in which it fits as well.
 fn unidentified(fit: &CostFit) -> Option<String> {
     let range = |parameter: &Parameter| {
         let estimate = &parameter.found;

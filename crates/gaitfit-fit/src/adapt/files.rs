@@ -27,7 +27,7 @@ const FREE: [&str; 6] = [
     "optimizer.generations",
 ];
 
-/// How long a fit may search. One that is resumed with more generations continues.
+/// Extent of a search. A fit that is resumed with more generations continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Extent {
     /// `optimizer.generations`.

@@ -25,7 +25,7 @@ pub struct Robot {
     pub policy: Option<Policy>,
     /// The robot that θ changes: the model, with what is known already.
     pub base: Candidate,
-    /// Where that is from.
+    /// The file of what is known, and its contents; absent if nothing was known before the fit.
     pub known: Option<(PathBuf, ThetaFile)>,
     /// Every file that was read.
     pub files: Vec<PathBuf>,
@@ -103,7 +103,7 @@ pub(super) struct Logs {
     pub validate: Vec<Vec<Log>>,
     /// Notes on the walking logs that are fitted.
     pub notes: Option<LogNotes>,
-    /// How often the robot falls, in all logs.
+    /// Falls of the robot in all logs, and its time on its feet.
     pub falling: Falling,
     /// Doubts, each one sentence.
     pub warnings: Vec<String>,
@@ -131,6 +131,7 @@ impl Logs {
         };
         let mut validate = Vec::new();
         let mut doubts = Vec::new();
+        // All logs are of one robot, so all its falls count.
         let mut falling = notes.as_ref().map_or_else(Falling::default, |notes| notes.falling);
         if !config.validate.is_empty() {
             let validation = validation(&config.validate, config, config_path, method)?;
@@ -146,6 +147,7 @@ impl Logs {
         warnings.extend(doubts);
         let walks = method.walking().is_some();
         warnings.extend(log::lead_note(&fit, walks)?);
+        // Only errors count here: the note above is about the logs that are fitted.
         for logs in &validate {
             log::lead_note(logs, walks)?;
         }
@@ -161,11 +163,11 @@ impl Logs {
 
 /// Logs for validation.
 pub struct ValidationLogs {
-    /// In sets that are compared together.
+    /// The logs, in sets that are compared together.
     pub sets: Vec<Vec<Log>>,
     /// Doubts about them, each one sentence.
     pub doubts: Vec<String>,
-    /// How often the robot falls.
+    /// Falls of the robot, and its time on its feet.
     pub falling: Falling,
 }
 

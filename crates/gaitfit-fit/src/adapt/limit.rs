@@ -62,6 +62,7 @@ pub(super) fn within<T>(
         }
     };
     match work(&Watch::new(&callback)) {
+        // Cancelled though no one asked for it: by the limit.
         Err(FitError::Cancelled) if !watch.stop() => Ok(None),
         result => result.map(Some),
     }
@@ -69,6 +70,7 @@ pub(super) fn within<T>(
 
 /// Whether a limit cut a fit short.
 fn cut_short(fit: &CostFit) -> bool {
+    // A fit of more parameters has no intervals in any case.
     let unmeasured =
         fit.parameters.len() <= MAX_SCANNED && fit.parameters.iter().all(|one| one.interval.is_none());
     unmeasured || fit.runs.iter().any(|run| run.stop.is_none())

@@ -18,7 +18,7 @@ pub struct LogSet {
     pub simulator: Box<SharedSimulator>,
     /// Their measured side.
     pub reference: Arc<Reference>,
-    /// How often their robot falls.
+    /// Falls of their robot, and its time on its feet.
     pub falling: Falling,
 }
 

@@ -36,7 +36,7 @@ fn on<S: gaitfit_adapt::Simulator + Send + Sync + 'static>(
     Ok(Box::new(simulator))
 }
 
-/// How logs are simulated.
+/// The way in which logs are simulated.
 pub enum Method {
     /// The robot was clamped: the logs' targets are replayed.
     Replay(Box<Clamped>),
@@ -45,7 +45,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// On these GPUs, if there are some.
+    /// The same method on these GPUs, if there are some.
     #[must_use]
     pub fn on(self, gpus: Vec<Gpu>) -> Self {
         match self {
@@ -104,10 +104,11 @@ impl Method {
         }
     }
 
-    /// As [`Method::simulator`]; the first `once` of `logs` start as their robots did, the others near there.
+    /// Does what [`Method::simulator`] does; the first `once` of `logs` start as their robots did, the others near
+    /// there.
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Method::simulator`].
     fn simulator_from_near(
         &self,
         base: Candidate,

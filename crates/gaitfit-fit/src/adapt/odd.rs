@@ -17,7 +17,7 @@ use gaitfit_swing::{Judged, Measured};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// What the first fit found, in the run folder.
+/// File of the first fit's result, in the run folder.
 const FILE: &str = "odd_joints.json";
 /// Springs below this part of the joint's position gain are not worth a word: they move it by less than this part of what
 /// its target does.
@@ -134,6 +134,7 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
     };
     let groups = groups(setup);
     let gains = setup.method.walking().map(|walking| walking.task.walker.interface.kp.as_slice());
+    // One limit for all joints, by the softest.
     let gain = gains.unwrap_or_default().iter().copied().filter(|gain| *gain > 0.0).reduce(f64::min);
     let min = gain.map_or(MIN_STIFFNESS, |gain| MIN_SHARE * gain);
     let stiffness: Vec<Measured<'_>> = springs
@@ -172,7 +173,7 @@ fn group<'a>(groups: &'a [(String, Vec<gaitfit_model::patterns::Pattern>)], join
 }
 
 impl OddJoints {
-    /// What was found, a sentence each; `springs`: of the fit proper.
+    /// The findings, a sentence each; `springs`: of the fit proper.
     pub fn sentences(&self, springs: &[FoundSpring]) -> Vec<String> {
         if self.odd.is_empty() {
             let max = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);

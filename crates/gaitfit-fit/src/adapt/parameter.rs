@@ -32,6 +32,7 @@ pub struct Parameter {
 impl Parameter {
     /// Its standard error by the interval; 0 without one.
     pub fn error(&self) -> f64 {
+        // A 95 % interval is about four standard errors wide.
         self.interval.map_or(0.0, |[low, high]| (high - low) / 4.0)
     }
 
@@ -82,6 +83,7 @@ impl Parameter {
         let (Some([lower, upper]), value) = (self.interval, self.found.value) else { return };
         let known =
             self.prior.filter(|prior| prior.away(value).abs() > APART).map_or(value, |prior| prior.value);
+        // Whatever the factor, the interval keeps all that it covers.
         let ends = [
             (value - factor * (value - lower)).min(known).max(self.found.lower).min(lower),
             (value + factor * (upper - value)).max(known).min(self.found.upper).max(upper),

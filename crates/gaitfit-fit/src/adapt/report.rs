@@ -110,7 +110,7 @@ pub fn held_out_shown(held_out: &HeldOut) -> ShownHeldOut {
     ShownHeldOut { sentence: sentence(&held_out.sentence()), explained, gain, distances }
 }
 
-/// With a capital letter and a full stop.
+/// The text with a capital letter and a full stop.
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();

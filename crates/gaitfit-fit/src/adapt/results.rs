@@ -45,7 +45,7 @@ pub struct AdaptResults {
     pub robot: String,
     /// The result in a sentence, its doubts first.
     pub headline: String,
-    /// How firmly it stands.
+    /// Firmness of the result.
     #[serde(default)]
     pub standing: Standing,
     /// The verdict of walks that were not fitted; absent without such walks.
@@ -70,12 +70,12 @@ pub struct AdaptResults {
     /// Springs that θ puts on joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub springs: Vec<FoundSpring>,
-    /// Which joints differ from their siblings, if that was asked for.
+    /// Joints that differ from their siblings, if that was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub odd_joints: Option<OddJoints>,
-    /// How well the fitted simulator predicts.
+    /// Score of the fitted simulator.
     pub fitted: Score,
-    /// How well the robot before the fit does, and predictors that need no simulator.
+    /// Scores of the robot before the fit, and of predictors that need no simulator.
     pub baselines: Vec<Score>,
     /// Prediction of logs that were not fitted.
     pub validation: Vec<Validation>,
@@ -95,7 +95,7 @@ pub struct AdaptResults {
     pub fits: Vec<CostFit>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
-    /// What to know before trusting the numbers.
+    /// Facts to know before trusting the numbers.
     pub warnings: Vec<String>,
     /// Logs, or stretches of logs, that were compared.
     pub trajectories: usize,
@@ -110,7 +110,7 @@ pub struct AdaptResults {
     /// Walking logs: parts of the command space without data, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncovered: Vec<String>,
-    /// Where the files are.
+    /// Folder of the run's files.
     pub run_folder: String,
     /// Wall time of the search, over all its sessions, and of what measures its result, s.
     pub wall_seconds: f64,
@@ -147,10 +147,10 @@ pub struct CostFit {
     /// Joint uncertainty of the parameters, where least squares found them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<Uncertainty>,
-    /// How simulated logs moved the values, where they did.
+    /// Correction of the values by simulated logs, where there was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
-    /// How simulated robots moved the values, where they did.
+    /// Correction of the values by simulated robots, where there was one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
     /// Simulated walks of the fitted robot with random draws that the search did not use; `None` without this comparison.
@@ -234,9 +234,9 @@ pub(super) struct Searched<'a> {
     pub outcomes: &'a [CostOutcome],
     /// The generations of its runs.
     pub course: &'a [RunGeneration],
-    /// What the comparison of joints before it found.
+    /// Result of the comparison of joints before it.
     pub odd_joints: Option<OddJoints>,
-    /// How long it took, s.
+    /// Duration of the search, s.
     pub seconds: f64,
 }
 

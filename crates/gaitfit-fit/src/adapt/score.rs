@@ -11,7 +11,7 @@ use gaitfit_adapt::{Cancel, Resets, Rollout, Simulator, Theta, never};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// How well a predictor does.
+/// Quality of a predictor's predictions.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Score {
     /// The predictor.
@@ -56,9 +56,9 @@ pub struct Validation {
 /// A robot as a simulator is asked for it.
 #[derive(Clone, Copy)]
 pub(super) struct Robot<'a> {
-    /// What changes.
+    /// The parameters in which it differs from the simulator's own robot.
     pub theta: &'a Theta,
-    /// How.
+    /// Their values.
     pub values: &'a [f64],
 }
 
@@ -68,7 +68,7 @@ impl Robot<'_> {
         self.simulate_until(simulator, resets, &never)
     }
 
-    /// As [`Self::simulate`], until `cancel` asks to stop: then an error of the kind `Interrupted`.
+    /// Does what [`Self::simulate`] does, until `cancel` asks to stop: then an error of the kind `Interrupted`.
     pub fn simulate_until(
         self,
         simulator: &dyn Simulator,
@@ -78,7 +78,7 @@ impl Robot<'_> {
         self.simulate_drawn(simulator, resets, 0, cancel)
     }
 
-    /// As [`Self::simulate_until`], with the random draws of number `draw`.
+    /// Does what [`Self::simulate_until`] does, with the random draws of number `draw`.
     pub fn simulate_drawn(
         self,
         simulator: &dyn Simulator,
@@ -115,6 +115,7 @@ fn cost_of(cost: &dyn Cost, predicted: &[Predicted]) -> Option<f64> {
 /// Position RMSE of each log of a set, total and by joint.
 fn rmse_of(set: &LogSet, predicted: &[Predicted]) -> Vec<Option<PositionRmse>> {
     let rmse = |(number, log): (usize, &Predicted)| {
+        // Rows after a fall do not matter, so an error over all rows says nothing.
         let stands = log.fell_at.is_none();
         stands.then(|| position_rmse(&set.reference, number, &log.position).ok()).flatten()
     };
@@ -234,6 +235,7 @@ fn last_value(log: &Log, joints: &[String], horizon: usize) -> Option<Predicted>
     let width = joints.len().max(1);
     let held = |values: &[f64]| -> Vec<f32> {
         let row = |row: usize| {
+            // The reading with which the prediction of this sample began.
             let from = row.saturating_sub(1) / horizon.max(1) * horizon.max(1);
             values[from * width..(from + 1) * width].iter().map(|value| *value as f32)
         };

@@ -46,6 +46,7 @@ pub fn fit(
 ) -> Result<(Vec<CostOutcome>, f64), Error> {
     let (mut fit, before) = start(setup, folder, inputs)?;
     let limit = setup.config.optimizer.max_seconds;
+    // A limit of the search replaces the share that it has of the whole call's limit.
     let whole = setup.limit.filter(|_| limit == 0.0);
     let begun = Instant::now();
     let seconds = || before + begun.elapsed().as_secs_f64();
@@ -171,6 +172,7 @@ fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(F
     let generation = saved.fit.generation;
     let fit = Fit::resume(simulator, theta, costs, options, saved.fit).map_err(Error::failed)?;
     let metrics = folder.read(METRICS)?.unwrap_or_default();
+    // Generations after the checkpoint are done again.
     let kept = metrics.lines().filter(|line| {
         serde_json::from_str::<Metric>(line).is_ok_and(|metric| metric.generation <= generation)
     });

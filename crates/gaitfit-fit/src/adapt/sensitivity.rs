@@ -14,7 +14,7 @@ const ALIKE: f64 = 0.8;
 /// A parameter whose 95 % interval covers this part of its bounds or more is not told.
 const MAX_SHARE: f64 = 0.5;
 
-/// How well logs identify the parameters.
+/// Precision with which logs identify the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct SensitivityResults {
     /// Robot name.
@@ -29,11 +29,11 @@ pub struct SensitivityResults {
     pub together_seconds: f64,
     /// The parameters.
     pub parameters: Vec<ParameterSensitivity>,
-    /// What to know before trusting the numbers.
+    /// Facts to know before trusting the numbers.
     pub warnings: Vec<String>,
 }
 
-/// How precisely logs identify a parameter.
+/// Precision with which logs identify a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ParameterSensitivity {
     /// Its name.
@@ -55,11 +55,13 @@ pub struct ParameterSensitivity {
 
 /// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
 pub fn identifies(entry: &Entry, deviation: f64) -> bool {
+    // A 95 % interval is about four standard deviations wide.
     4.0 * deviation < MAX_SHARE * (entry.upper - entry.lower)
 }
 
 /// `value`, if the search of `entry` could find it; `place` says where it is written.
 fn within(entry: &Entry, value: f64, place: &str) -> Result<f64, Error> {
+    // A value on a bound may lie a little beyond it where it was rounded for a file.
     let slack = 1e-6 * (entry.upper - entry.lower);
     if value >= entry.lower - slack && value <= entry.upper + slack {
         return Ok(value.clamp(entry.lower, entry.upper));
@@ -142,10 +144,11 @@ pub fn sensitivity(
     })
 }
 
-/// How well the logs of `problem` identify every entry of θ around `values`; `None` if the simulation there diverges.
+/// Precision with which the logs of `problem` identify every entry of θ around `values`; `None` if the simulation
+/// there diverges.
 ///
 /// # Errors
-/// As [`sensitivity`].
+/// The errors of [`sensitivity`].
 pub fn sensitivities(
     problem: Problem<'_>,
     values: &[f64],

@@ -39,7 +39,7 @@ pub struct Setup {
     pub config: AdaptConfig,
     /// The robot that θ changes.
     pub base: Candidate,
-    /// How the logs are simulated.
+    /// The method by which the logs are simulated.
     pub method: Method,
     /// The fitted parameters.
     pub theta: Theta,
@@ -67,15 +67,15 @@ pub struct Setup {
     pub warnings: Vec<String>,
     /// The devices that simulate.
     pub devices: Devices,
-    /// Where the settings were read, which relative paths may start from.
+    /// File of the settings, from which relative paths may start.
     pub config_path: PathBuf,
     /// Whether the caller gave the policy, so that it is in no file.
     pub own_policy: bool,
-    /// What the fitted logs show without a simulation, if priors or further parameters come from it.
+    /// Findings in the fitted logs without a simulation, if priors or further parameters come from them.
     pub swings: Option<SwingFindings>,
     /// The workers that simulate besides this process, if there are some.
     pub shares: Option<Shares>,
-    /// How long the whole fit may take; without one as long as it needs.
+    /// Limit on the duration of the whole fit; without one it takes as long as it needs.
     pub limit: Option<Limit>,
 }
 
@@ -116,6 +116,7 @@ impl Setup {
             warnings.extend(known::replaced(file, path, &theta));
         }
         let logs = Logs::read(&config, config_path, &method)?;
+        // Only the logs show which parts touch, so the simulator may have to be made anew.
         if let Some(touching) = touching(&config, &method, &robot, feet, &logs.fit) {
             warnings.extend(touching.notes);
             if touching.chosen.is_some() {
@@ -124,6 +125,7 @@ impl Setup {
             }
         }
         let method = method.on(gpus.clone());
+        // The GPU's program is compiled while legs in the air are examined.
         let _ahead = method.walking().map(|walking| gpu_ahead::compile_ahead(walking, &theta, &base));
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
@@ -217,8 +219,8 @@ impl Setup {
     }
 }
 
-/// What `logs` show without a simulation, if priors or further parameters come from it; corrected by simulated robots if
-/// priors of `theta` do.
+/// Findings in `logs` without a simulation, if priors or further parameters come from them; corrected by simulated
+/// robots if priors of `theta` do.
 #[allow(clippy::too_many_arguments, reason = "all that a fit has read")]
 fn swings(
     config: &AdaptConfig,
@@ -237,6 +239,7 @@ fn swings(
     let is_corrected = config.swings && config.optimizer.replicates > 0;
     if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {
         let known = known::priors(theta, &swing::numbers_of(method, findings), &config.prior);
+        // Simulated robots correct priors alone, so without a new prior they are not needed.
         if known.len() > config.prior.len() {
             let (threads, gpus) =
                 method.walking().map_or((1, Vec::new()), |walking| (walking.threads, walking.gpus.clone()));
@@ -324,7 +327,7 @@ fn with_defaults(config: &AdaptConfig, devices: &Devices) -> AdaptConfig {
     config
 }
 
-/// What to know of the robot and its policy.
+/// Facts to know of the robot and its policy.
 fn remarks(method: &Method, policy: Option<&Policy>, robot: &Model) -> Vec<String> {
     let mut remarks = crate::robot::remarks(method.model());
     if let Some(policy) = policy {
@@ -334,7 +337,7 @@ fn remarks(method: &Method, policy: Option<&Policy>, robot: &Model) -> Vec<Strin
     remarks
 }
 
-/// What makes logs of simulated robots, where a fit is corrected by such logs.
+/// The maker of logs of simulated robots, where a fit is corrected by such logs.
 fn replicas(
     config: &AdaptConfig,
     method: &Method,
@@ -361,6 +364,7 @@ fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Res
         }
         None => (vec![0.0; names.len()], &[][..]),
     };
+    // The angle of a wheel has no place of rest that a spring could pull to.
     let joints: Vec<String> = joints.iter().filter(|joint| !wheels.contains(joint)).cloned().collect();
     let mut rules = config.rules();
     rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {

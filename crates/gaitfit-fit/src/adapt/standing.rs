@@ -10,7 +10,7 @@ use gaitfit_adapt::RobotNumber;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
-/// How firmly a fit stands.
+/// Firmness of a fit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
@@ -39,7 +39,7 @@ const GOES_WITH: f64 = 0.1;
 const REMEMBERS: f64 = 0.3;
 /// A joint of whose errors this many times as much goes with motion as on average is not like the others.
 const ONE_JOINT: f64 = 3.0;
-/// How much wider than measured an interval is for each root of the part of the variance that goes with motion.
+/// Widening of an interval, as a factor less 1, for each root of the part of the variance that goes with motion.
 const WIDER: f64 = 10.0;
 /// Standard errors between a fit and what was known before that are a disagreement.
 pub(super) const APART: f64 = 3.0;
@@ -72,7 +72,7 @@ pub(super) fn doubts(fit: &CostFit, evidence: &Evidence<'_>) -> Vec<Doubt> {
     doubts
 }
 
-/// How firmly a fit with these doubts stands.
+/// Firmness of a fit with these doubts.
 pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing {
     if held_out.is_some_and(HeldOut::contradicts) {
         Standing::Contradicted
@@ -93,8 +93,8 @@ pub fn refusal(doubts: &[Doubt]) -> Option<String> {
     (!names.is_empty()).then(|| format!("do not use this fit: {}", names.join(", ")))
 }
 
-/// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
-/// were, or else by the cost.
+/// The doubt that a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or
+/// else of those that were, or else by the cost.
 fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
     type Measure = fn(&Score) -> Option<f64>;
     let measures: [(&str, Measure); 3] = [
@@ -102,6 +102,7 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
         ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
         ("cost on the fitted logs", |score| score.cost),
     ];
+    // The first baseline is the robot before the fit, which needs a simulator.
     let guesses = evidence.baselines.iter().skip(1);
     let (what, fitted, guess, guessed) = guesses
         .filter_map(|guess| {
@@ -236,9 +237,9 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
     })
 }
 
-/// That values rest on bounds of their search. 0 is an end of many quantities; a value rests there where the logs exclude
-/// all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they are noise, a simulated robot
-/// without friction or delay may have made the log.
+/// The doubt that values rest on bounds of their search. 0 is an end of many quantities; a value rests there where
+/// the logs exclude all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they
+/// are noise, a simulated robot without friction or delay may have made the log.
 fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let named = |is_so: &dyn Fn(&Parameter) -> bool| -> Vec<String> {
         parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()
@@ -287,6 +288,7 @@ pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
     let narrow = |[_, upper]: [f64; 2]| upper - estimate.lower < TIGHT * (estimate.upper - estimate.lower);
     real && estimate.at_bound
         && estimate.lower == 0.0
+        // At the lower bound, not at the upper one.
         && estimate.value < 0.5 * estimate.upper
         && parameter.truth != Some(0.0)
         && estimate

@@ -10,7 +10,7 @@ use crate::walk::swing::{
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_log::{Estimate, Gains};
 
-/// What the fitted logs show without a simulation; absent for a clamped robot.
+/// Findings in the fitted logs without a simulation; absent for a clamped robot.
 pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
     let walking = method.walking()?;
     let interface = &walking.task.walker.interface;

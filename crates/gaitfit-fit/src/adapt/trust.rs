@@ -58,7 +58,7 @@ pub(super) fn identified(
     }
 }
 
-/// What follows from a time limit.
+/// Consequence of a time limit that ended the fit, as a sentence of a warning.
 const NO_INTERVALS: &str = "So the parameters have no intervals: the same fit, resumed with a higher limit or without one, measures them.";
 
 /// Takes the best of the last candidates over fresh draws of the torque noise and of the starts. Where a simulation has neither,

@@ -35,7 +35,7 @@ pub struct ValidateRequest {
     pub policy: Option<Policy>,
 }
 
-/// How well a finished fit predicts other logs.
+/// Quality of a finished fit's predictions of other logs.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct ValidateResults {
     /// The fitted parameters.
@@ -67,7 +67,7 @@ pub struct ValidateResults {
     pub verdict: Option<Verdict>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
-    /// What to know before trusting the numbers.
+    /// Facts to know before trusting the numbers.
     pub warnings: Vec<String>,
 }
 
@@ -114,11 +114,13 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let file = theta::read(&request.theta)?;
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
+    // Both robots share the method, which keeps as many past targets as the longer delay needs.
     let longest = if largest_delay(&fitted) > largest_delay(&base) { &fitted } else { &base };
     let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
     let ValidationLogs { sets, doubts: mut warnings, falling } =
         read_logs(&request.logs, &config, Path::new("validate"), &method)?;
+    // Only errors count here: the note is about logs that are fitted.
     for logs in &sets {
         log::lead_note(logs, method.walking().is_some())?;
     }
@@ -140,6 +142,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
             done(1);
             Ok::<_, Error>(predicted)
         };
+        // `validation` passes the sets of `after`; the robot before the fit has its own.
         let nominal = |set: &LogSet| {
             let number = after.iter().position(|other| std::ptr::eq(other, set)).unwrap_or_default();
             predict(&before[number])

@@ -62,10 +62,10 @@ impl Clamped {
         (longest(logs) / self.timestep - 0.01).ceil().max(1.0) as usize
     }
 
-    /// As [`Clamped::simulator`], with `parts` physics steps instead of one.
+    /// Does what [`Clamped::simulator`] does, with `parts` physics steps instead of one.
     ///
     /// # Errors
-    /// As [`Clamped::simulator`].
+    /// The errors of [`Clamped::simulator`].
     pub fn finer(&self, base: Candidate, logs: &[Log], parts: usize) -> Result<ReplaySimulator, Error> {
         let (longest, substeps) = (longest(logs), self.substeps(logs).saturating_mul(parts));
         if substeps > MAX_SUBSTEPS {

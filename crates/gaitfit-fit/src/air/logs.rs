@@ -100,7 +100,7 @@ pub fn matching<'a>(
     Ok(None)
 }
 
-/// What the simulator replays of a log.
+/// The recording that the simulator replays: targets and gains of a log, and its state at the first sample.
 ///
 /// # Errors
 /// A log without targets or gains, with samples that are no numbers, or with one sample.

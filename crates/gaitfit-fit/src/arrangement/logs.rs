@@ -28,8 +28,8 @@ const ENOUGH: f64 = 0.08;
 /// A right arrangement has at most this share of the mismatch of a wrong one.
 const CLEARLY: f64 = 0.4;
 
-/// What makes the logged actions follow from the policy; `None` if nothing that is tried does, or if they follow as they
-/// are. `logs`: joints in the policy's order, at its rate, with actions.
+/// Searches an arrangement with which the logged actions follow from the policy; `None` if none that is tried does,
+/// or if they follow as they are. `logs`: joints in the policy's order, at its rate, with actions.
 pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<Diagnosis> {
     // A caller's function may be slow, or count its calls. A motion's joints would have to be arranged too.
     if matches!(policy.front, Some(Front::Function(_))) || policy.interface.reference.is_some() {
@@ -56,6 +56,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     let fitting = |arrangement: &Arrangement| {
         let (policy, logs) = arranged(policy, logs, arrangement, derived);
         let slope = policy_check::slope_of(&policy, &logs.iter().collect::<Vec<_>>(), samples);
+        // A factor that is 1 but for noise is no change.
         let usable = slope.is_finite() && (0.02..50.0).contains(&slope) && (slope - 1.0).abs() > 0.02;
         usable.then_some(Change::ActionScale(slope)).into_iter().collect()
     };
@@ -66,6 +67,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     if best.changes.is_empty() {
         return None;
     }
+    // The search compares few samples, for speed. The verdict takes more.
     let [before, after] = [&Arrangement::new(&policy.interface), &best].map(|one| measure(one, 10 * samples));
     (after < FITS && after < CLEARLY * before).then_some(Diagnosis {
         changes: best.changes,
@@ -79,6 +81,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
 fn is_derived(policy: &Policy, log: &Trajectory) -> bool {
     let (Some(target), Some(action)) = (&log.target, &log.action) else { return false };
     let derived = actions_of(target, &policy.interface);
+    // Logs have decimal digits: equal means equal but for rounding.
     derived.iter().zip(action).all(|(a, b)| (a - b).abs() <= 1e-6 * (1.0 + b.abs()))
 }
 
@@ -121,11 +124,11 @@ fn arranged(
 /// A log beside a policy.
 #[derive(Clone, Debug, Serialize)]
 pub struct LogMatch {
-    /// How well its actions follow from the policy.
+    /// Agreement of its actions with the policy.
     pub policy_match: PolicyMatch,
     /// Doubts, each a sentence; empty if the policy walked in this log.
     pub doubts: Vec<String>,
-    /// What was assumed, each a sentence.
+    /// Assumptions, each a sentence.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Whether another policy walked in this log. Without it, what else is doubtful need not be wrong.

@@ -19,18 +19,18 @@ use serde::Serialize;
 /// An arrangement that fits where the given one does not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Diagnosis {
-    /// What is different, each in words.
+    /// The differences, each in words.
     pub changes: Vec<String>,
-    /// What to set so that it fits, each a line of a policy's description or of a configuration.
+    /// The settings with which it fits, each a line of a policy's description or of a configuration.
     pub settings: Vec<String>,
     /// The measure of the given arrangement, and with the changes; smaller is better.
     pub measure: [f64; 2],
-    /// What the measure is, in words.
+    /// Name of the measure.
     pub measured: &'static str,
 }
 
 impl Diagnosis {
-    /// In a sentence or two.
+    /// The diagnosis in a sentence or two.
     pub fn text(&self) -> String {
         let [before, after] = self.measure;
         format!(
@@ -42,7 +42,8 @@ impl Diagnosis {
     }
 }
 
-/// How a policy's outputs and a log or robot belong together. It begins as the policy's file says.
+/// The order, signs and scales by which a policy's outputs and a log or robot belong together. It begins as the
+/// policy's file says.
 #[derive(Clone, Debug)]
 struct Arrangement {
     interface: Interface,
@@ -71,7 +72,7 @@ enum Change {
     Terms([usize; 2]),
 }
 
-/// What is in another order.
+/// The part that is in another order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Ordered {
     /// The names in `joints` alone: pose, gains and scales are right place by place.
@@ -95,8 +96,8 @@ impl Arrangement {
         }
     }
 
-    /// With `change`. `derived`: whether the log's actions follow from its targets, or there is no log, so that the
-    /// interface's scale decides, not the log's columns.
+    /// The same arrangement with `change`. `derived`: whether the log's actions follow from its targets, or there is
+    /// no log, so that the interface's scale decides, not the log's columns.
     fn with(&self, change: &Change, derived: bool) -> Self {
         let mut new = self.clone();
         match change {
@@ -159,6 +160,7 @@ impl Arrangement {
     fn flip(&mut self, name: &str, flipped: &[bool], actions_alone: bool, derived: bool) {
         let sign = |joint: usize| if flipped[joint] { -1.0 } else { 1.0 };
         let joints = flipped.len();
+        // Actions that follow from targets turn with the joint. Logged ones are the policy's own outputs and do not.
         if derived {
             (0..joints).for_each(|joint| self.interface.action_scale[joint] *= sign(joint));
         } else if actions_alone {
@@ -217,6 +219,7 @@ impl Arrangement {
 fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change> {
     let mut changes = Vec::new();
     let uniform = |list: &[f64]| list.iter().all(|value| (value - list[0]).abs() < 1e-9);
+    // Where every list has one number for all joints, reordering the lists too changes nothing.
     let lists = [&interface.default_pose, &interface.action_scale, &interface.kp, &interface.kd];
     let plain = lists.iter().all(|list| uniform(list));
     for (name, order) in limbs.orders() {
@@ -233,6 +236,7 @@ fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change>
             changes.push(Change::Signs { name, flipped, actions_alone });
         }
     }
+    // Ratios between the usual action scales 0.25, 0.5 and 1.
     changes.extend([0.25, 0.5, 2.0, 4.0].map(Change::ActionScale));
     // The factors of legged_gym, walk-these-ways and Isaac Lab's usual tasks; gravity that points up; an action that is observed
     // as the change of the target.

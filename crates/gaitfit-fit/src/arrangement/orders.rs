@@ -72,6 +72,7 @@ impl Limbs {
         } else {
             orders.push(("breadth first (Isaac Lab's)".to_owned(), self.breadth_first.clone()));
         }
+        // The policy's own order is no change.
         let same: Vec<usize> = (0..self.names.len()).collect();
         let mut seen = vec![same];
         orders.retain(|(_, order)| {
@@ -89,6 +90,7 @@ impl Limbs {
         let count = self.limbs.len();
         if count > MAX_PERMUTED {
             let forward: Vec<usize> = (0..count).collect();
+            // Neighbours swapped: limbs are often listed with left and right side by side.
             let swapped = (0..count).map(|limb| if limb ^ 1 < count { limb ^ 1 } else { limb }).collect();
             let backward = (0..count).rev().collect();
             return vec![forward, swapped, backward];

@@ -42,6 +42,7 @@ pub(super) fn search(
         let helps = *value < HELPS * best.1;
         if helps {
             best = (arrangement.clone(), *value);
+        // One change alone may not help, see [`FOLLOWED`].
         } else if taken > 0 {
             break;
         }

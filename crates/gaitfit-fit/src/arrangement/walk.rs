@@ -22,8 +22,9 @@ const CLEARLY: f64 = 0.5;
 /// Measure that needs no further change.
 const ENOUGH: f64 = 0.35;
 
-/// What makes the policy of `world` walk; `None` if nothing that is tried does. Policies that gaitfit trained are as their
-/// files say, so they are not tried. Once `watch` asks to stop it returns soon, with nothing.
+/// Searches an arrangement with which the policy of `world` walks; `None` if none that is tried does. Policies that
+/// gaitfit trained are as their files say, so they are not tried. Once `watch` asks to stop it returns soon, with
+/// nothing.
 pub fn of_walk(world: &World, seed: u64, threads: usize, watch: &Watch<'_>) -> Option<Diagnosis> {
     let policy = &world.policy;
     // Nor are those that follow a motion: they have no commands to judge them by.
@@ -86,6 +87,7 @@ fn trial(
     let falls = trials.iter().filter(|trial| trial.fell).count() as f64 / trials.len() as f64;
     let errors: Vec<f64> =
         trials.iter().filter(|trial| !trial.diverged).map(|trial| trial.linear_velocity_error).collect();
+    // Under commands of 0 a robot that stands still has no error; the bound keeps the quotient finite.
     let still = standing_error(&settings.command).max(1e-3);
     let error = errors.iter().sum::<f64>() / errors.len().max(1) as f64 / still;
     // An error beyond that of a robot that stands still says no more than that.

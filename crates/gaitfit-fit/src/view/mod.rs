@@ -20,7 +20,7 @@ const MAX_FRAME_HZ: f64 = 60.0;
 /// Length of the part that a page shows, s, if no other is asked for.
 pub const SHOWN_S: f64 = 60.0;
 
-/// What is to be shown.
+/// Choice of the log, the robot and the part to be shown.
 #[derive(Clone, Debug, Default)]
 pub struct ViewSettings {
     /// The log (.csv).
@@ -35,7 +35,7 @@ pub struct ViewSettings {
     pub policy: Option<PathBuf>,
     /// Changes of the configuration's settings, `key=value`.
     pub set: Vec<String>,
-    /// Where the shown part begins, s after the log's start.
+    /// Start of the shown part, s after the log's start.
     pub from_s: f64,
     /// Length of the shown part, s; [`SHOWN_S`] without a number.
     pub seconds: Option<f64>,
@@ -57,7 +57,7 @@ pub struct Viewed {
     pub distance_rad: [Option<f64>; 2],
     /// Whether the simulated robots fell, and when, s after the start of the shown part.
     pub fell_s: Option<f64>,
-    /// What to know before trusting the page.
+    /// Facts to know before trusting the page.
     pub warnings: Vec<String>,
 }
 
@@ -228,6 +228,7 @@ fn headline(shown: &Shown, distance_rad: [Option<f64>; 2], fell_s: Option<f64>) 
 /// The robots, at most [`MAX_FRAME_HZ`] frames a second.
 fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     let dt = shown.log.dt();
+    // A log at 60 Hz shows every row, whatever the last digit of its step says.
     let every = (1.0 / (dt * MAX_FRAME_HZ) - 0.01).ceil().max(1.0) as usize;
     let shape = crate::replay::shape("", &shown.model, &[]);
     let whole = |position: &[f64]| -> Vec<f64> {

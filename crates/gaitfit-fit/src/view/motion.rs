@@ -30,6 +30,7 @@ impl Motion {
         let level = [1.0, 0.0, 0.0, 0.0];
         let rows = rows(model, &joints);
         let depth = |row| -lowest(model, level, angles(model, &joints, row)).0;
+        // A part of the rows is enough for a height; the clearance covers the rest.
         let height = (0..rows).step_by(7).map(depth).fold(0.0, f64::max) + HANGING_M;
         Self { dt, joints, position: vec![[0.0, 0.0, height]; rows], quaternion: vec![level; rows] }
     }
@@ -94,6 +95,7 @@ impl Motion {
         let moved = sub(self.position[to], self.position[from]).map(|x| x / seconds);
         let along = to_heading(self.quaternion[row], moved);
         let turned = heading(self.quaternion[to]) - heading(self.quaternion[from]);
+        // Across ±π a heading jumps by a whole turn.
         let turned = turned - std::f64::consts::TAU * (turned / std::f64::consts::TAU).round();
         [along[0], along[1], turned / seconds]
     }
@@ -111,6 +113,7 @@ fn angles<'a>(model: &Model, joints: &'a [f64], row: usize) -> &'a [f64] {
 /// Height of the lowest point of all geoms against the base, m, and the places of the geoms' lowest points.
 fn lowest(model: &Model, quaternion: Quat, q: &[f64]) -> (f64, Vec<Vec3>) {
     let frames = body_frames(model, &kinematics::Frame { position: [0.0; 3], quaternion }, q);
+    // A model without pairs does not say which geoms touch the ground, so all may.
     let touching: Vec<usize> = match model.pairs.is_empty() {
         true => (0..model.geoms.len()).collect(),
         false => model.pairs.iter().map(|pair| pair.geom).collect(),

@@ -118,6 +118,7 @@ fn both(config: &AdaptConfig, path: &Path, settings: &ViewSettings) -> Result<Ro
     let method = |reach: &Candidate| {
         simulated(config, policy.clone(), model.clone(), &nothing, reach, settings.threads)
     };
+    // Both robots share a simulator, which keeps as many past targets as the longer delay needs.
     let delay = |robot: &Candidate| robot.robot.delay.iter().copied().fold(0.0, f64::max);
     let longest = fitted.as_ref().filter(|fitted| delay(fitted) > delay(&base)).unwrap_or(&base);
     let method = method(longest)?;
@@ -152,6 +153,7 @@ impl Both {
                 let walker = &walking.task.walker;
                 (walker.joints.clone(), walker.default_pose.iter().map(|&x| f64::from(x)).collect())
             }
+            // A replay's log has all joints, so none is at rest.
             None => ((0..model.joints.len()).collect(), vec![0.0; model.joints.len()]),
         };
         Ok(Shown {

@@ -71,6 +71,7 @@ pub(super) fn shorten(log: &mut Log, seconds: f64) -> Result<(), Error> {
     let samples = (seconds * log.trajectory.rate_hz).round() as usize;
     if samples < log.trajectory.len() {
         let failed = |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
+        // So many periods have one sample more.
         log.trajectory = log.trajectory.slice(0..samples + 1).map_err(failed)?;
     }
     Ok(())

@@ -18,11 +18,11 @@ const STANDS_S: f64 = 1.0;
 pub struct Cut {
     /// The log's name.
     pub log: String,
-    /// Where it begins, s, the log's own time.
+    /// Its start, s, the log's own time.
     pub from_s: f64,
-    /// Where it ends, s.
+    /// Its end, s, the log's own time.
     pub to_s: f64,
-    /// What shows it, in words.
+    /// Evidence for it, in words.
     pub reason: String,
     /// Why it does not count.
     pub kind: CutKind,
@@ -57,7 +57,7 @@ impl CutKind {
 pub struct Down {
     /// The samples.
     pub samples: Range<usize>,
-    /// What shows it, in words.
+    /// Evidence for it, in words.
     pub reason: String,
     /// Whether it is the end of a fall, if the robot stood before. One that hangs has not fallen.
     pub fall: bool,
@@ -104,6 +104,7 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
     for range in kept {
         let mut begin = range.start;
         for next in range.start + 1..range.end {
+            // Below 30 Hz a tenth of a second is hardly more than jitter: there three steps count.
             if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
                 whole.push(begin..next);
                 let (from_s, to_s) = (time[next - 1], time[next]);

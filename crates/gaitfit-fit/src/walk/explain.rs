@@ -68,27 +68,27 @@ const REMEDY: &str = " (fit it";
 
 /// Smallest sizes that change how a robot walks.
 mod matters {
-    /// s
+    /// Lag of joint velocities, s.
     pub const LAG: f64 = 1e-3;
-    /// rad/s
+    /// Rate that the gyro reads at rest, rad/s.
     pub const GYRO: f64 = 0.003;
-    /// rad
+    /// Tilt of the inertial unit, rad.
     pub const TILT: f64 = 0.005;
-    /// rad
+    /// Step of joint positions, rad.
     pub const STEP: f64 = 0.0015;
-    /// N·m for each N·m
+    /// Friction under load, N·m for each N·m of the motor's torque.
     pub const LOAD: f64 = 0.03;
-    /// rad for each N·m
+    /// Twist between motor and link, rad for each N·m.
     pub const TWIST: f64 = 0.0015;
-    /// rad
+    /// Play between motor and link, rad.
     pub const PLAY: f64 = 0.01;
-    /// N·m
+    /// Difference of a joint's dry friction from that of its siblings, N·m.
     pub const FRICTION: f64 = 0.05;
-    /// N·m/rad
+    /// Stiffness of a spring on a single joint, N·m/rad.
     pub const SPRING: f64 = 2.0;
-    /// Part of the torque.
+    /// Difference of a motor's strength from that of its siblings, part of the torque.
     pub const STRENGTH: f64 = 0.12;
-    /// m
+    /// Difference in height of feet that stand together, root mean square, m.
     pub const HEIGHT: f64 = 0.006;
 }
 

@@ -122,7 +122,9 @@ impl<'a> Search<'a> {
                 PRECISION * (probes[k][joint] - action[joint]) / (spreads[joint] * DIFFERENCE)
             });
             let pull = slopes.tr_mul(&residual) + relative(&values);
+            // The identity is the curvature of the unknowns' own price, whose unit is their spread.
             let curvature = slopes.tr_mul(&slopes) + DMatrix::identity(unknowns, unknowns);
+            // Marquardt (1963): the damping rises until a step lowers the price, and falls after it.
             let mut moved = false;
             for _ in 0..4 {
                 let damped = &curvature + DMatrix::from_diagonal(&curvature.diagonal()) * damping;

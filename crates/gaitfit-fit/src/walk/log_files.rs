@@ -14,9 +14,9 @@ const MAX_FILES: usize = 100_000;
 /// A log file and what to call it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LogFile {
-    /// As a message shows it.
+    /// The name in messages.
     pub name: String,
-    /// Where it lies.
+    /// The path to it.
     pub path: PathBuf,
 }
 
@@ -98,6 +98,7 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
             !part.as_os_str().to_string_lossy().contains(['*', '?', '[', '{'])
         };
         let root: PathBuf = pattern.components().take_while(plain).collect();
+        // `**` stands for any number of folders; a number bounds the search.
         let depth =
             if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
         let matcher = glob.compile_matcher();

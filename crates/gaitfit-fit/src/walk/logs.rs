@@ -52,7 +52,7 @@ pub struct LogNotes {
     pub warnings: Vec<String>,
     /// Parts that do not count.
     pub cuts: Vec<Cut>,
-    /// How often the robot falls.
+    /// Falls of the robot, and its time on its feet.
     pub falling: Falling,
     /// Commands covered.
     pub coverage: Coverage,
@@ -80,7 +80,7 @@ impl LogNotes {
 
 /// A log as read, joints in the policy's order.
 pub struct Read {
-    /// Where from.
+    /// The file that it was read from.
     pub file: LogFile,
     /// Files beside it that were read.
     pub sidecars: Vec<PathBuf>,
@@ -92,7 +92,7 @@ pub struct Read {
     allowed: Vec<FindingKind>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
-    /// How reading it changed its times, in words.
+    /// Changes of its times on reading, in words.
     even: Option<String>,
     /// The place in a motion that was assumed, in words.
     motion: Option<String>,
@@ -139,6 +139,7 @@ pub fn read(
     warnings.extend(filled(&logs));
     enough(&logs, &removed)?;
     let policy_match = follow(policy, config, scene, &logs, &mut warnings)?;
+    // Without the base's orientation the policy's actions show falls, but only if they are the policy's.
     if policy_match.agrees() && !policy_match.exact {
         logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
         enough(&logs, &removed)?;
@@ -228,6 +229,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
             .map(|fall| Down {
                 samples: fall.samples,
                 reason: fall.sign.to_string(),
+                // A robot that hangs or is stuck does not walk, but it has not fallen either.
                 fall: !matches!(fall.sign, FallSign::Hanging | FallSign::Stuck),
             })
             .collect();
@@ -354,6 +356,7 @@ fn is_allowed(fall: &Fall, allowed: &[FindingKind]) -> bool {
         FallSign::Height | FallSign::Lying => FindingKind::Lying,
         FallSign::Stuck => FindingKind::Stuck,
         FallSign::Hanging => FindingKind::Hanging,
+        // What the log itself states is no finding of a check that a setting could allow.
         FallSign::Stated => return false,
     };
     allowed.contains(&kind)
@@ -394,7 +397,7 @@ fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
     }
 }
 
-/// How many numbers a log holds.
+/// Count of the numbers that a log holds.
 fn numbers(log: &Trajectory) -> usize {
     let base = log.base.as_ref();
     let optional = [

@@ -9,12 +9,14 @@ use super::{policy_check, rate, reference};
 use gaitfit_log::{ImuSettings, Trajectory};
 use gaitfit_policy::Policy;
 
-/// The actions are the policy's below this mismatch, and only if other turns have so many times as much.
+/// The actions are the policy's below this mismatch (as in `policy_check`), and only if other turns have so many
+/// times as much.
 const AGREES: f64 = 0.08;
 const CLEARLY: f64 = 2.5;
 
 /// Roll, pitch and yaw, degrees, of all turns by right angles but none.
 fn turns() -> impl Iterator<Item = [f64; 3]> {
+    // The 24 rotations of a cube: four turns about the vertical of each of the six sides that can be up.
     let angles = [0.0, 90.0, 180.0, -90.0];
     let rolled = angles.into_iter().flat_map(move |yaw| angles.map(|roll| [roll, 0.0, yaw]));
     let pitched = angles.into_iter().flat_map(|yaw| [[0.0, 90.0, yaw], [0.0, -90.0, yaw]]);

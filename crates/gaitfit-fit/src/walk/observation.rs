@@ -17,7 +17,7 @@ pub struct Given {
 pub struct Unknown {
     /// The quantity.
     pub quantity: Quantity,
-    /// Which of its numbers.
+    /// Place among the quantity's numbers.
     pub number: usize,
 }
 
@@ -62,7 +62,8 @@ impl Given {
         missing
     }
 
-    /// With `values` for the `missing` numbers. Other unknown numbers are 0, and unknown gravity is that of a level base.
+    /// The same observation with `values` for the `missing` numbers. Other unknown numbers are 0, and unknown
+    /// gravity is that of a level base.
     pub fn filled(&self, missing: &[Unknown], values: &[f64]) -> Self {
         let mut filled = Self { values: self.values.map(|value| Some(value.unwrap_or_default())) };
         for (unknown, &value) in missing.iter().zip(values) {

@@ -32,7 +32,7 @@ const SETTLE_S: f64 = 0.4;
 /// Below this mismatch not even a shift is looked for.
 const NOTICED: f64 = 0.02;
 
-/// How well logged actions follow from logged observations.
+/// Agreement of logged actions with those that the policy computes from logged observations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PolicyMatch {
     /// Whether the logs held the whole observation, base state included.
@@ -42,13 +42,13 @@ pub struct PolicyMatch {
     /// RMS of (policy's action − logged action), relative to the logged actions' spread about their mean; over the best
     /// 90 % of the samples. 0: the same; 1: no better than a constant.
     pub mismatch: f64,
-    /// As `mismatch`, if the logged actions were one sample earlier, and one later, than they are.
+    /// The mismatch if the logged actions were one sample earlier, and one later, than they are.
     pub shifted: [f64; 2],
     /// Factor on the policy's deviations from the mean that meets the logged actions best: 1 if the scale is right.
     pub slope: f64,
     /// Correlation of the policy's and the logged action, by joint.
     pub correlation: Vec<(String, f64)>,
-    /// As `mismatch`, a log each.
+    /// The mismatch of each log.
     pub by_log: Vec<f64>,
     /// Whether the policy follows a motion, in which logs may have a wrong place.
     #[serde(skip)]
@@ -137,6 +137,7 @@ impl Comparison {
                     continue;
                 }
                 seen += 1;
+                // The first row has no action before it, which the policy may observe.
                 let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
                 if let Some(at) = at.filter(|_| seen % every == 0) {
                     chosen.push((sample, row(at), action[(at - 1) * joints..at * joints].to_vec()));

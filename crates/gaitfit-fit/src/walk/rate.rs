@@ -49,13 +49,14 @@ pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Regular, LogError
     // An action that is stamped a little after the new sample's time was chosen there.
     let early = if ratio > 1.0 { 0.5 * log.dt() } else { 0.0 };
     let trajectory = log.slice(first_change(log, ratio)..log.len())?.resample_early(needed, early)?;
-    // Rows within a gap of the faster log.
+    // Rows within a gap of the faster log. A gap shorter than half a control period loses no row.
     let gap = (1.5 * log.dt()).max(0.5 * control_dt);
     let in_gap = |at: f64| {
         let next = log.time.partition_point(|time| *time <= at + 1e-9);
         next > 0
             && log.time.get(next).is_some_and(|later| {
                 let before = log.time[next - 1];
+                // A row at the last sample before a gap has that sample's values.
                 later - before > gap && at - before > 0.25 * log.dt()
             })
     };

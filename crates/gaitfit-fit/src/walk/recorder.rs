@@ -222,6 +222,7 @@ impl Recorder {
                     Ok(_) => {}
                     Err(error) => {
                         let mut slot = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        // The error is that of the first robot, whichever thread fails first.
                         if slot.as_ref().is_none_or(|(other, _)| robot < *other) {
                             *slot = Some((robot, error));
                         }
@@ -237,13 +238,15 @@ impl Recorder {
         (EARLIER_S / self.period() + 1.0) as usize
     }
 
-    /// How the robot begins each recording if its starts are unknown.
+    /// The beginning of each recording if the robot's starts are unknown.
     fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<Beginning> {
         let max = EARLIER_S / self.period();
+        // The values of simulated robots are drawn from lower environments of the same purpose.
         let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
         let scripts = self.plain.iter().enumerate();
         let begun = scripts.map(|(number, script)| {
             let draws = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
+            // Whole samples from 0 to `max`, all as likely.
             let earlier = (draws.uniform(0) * (max + 1.0)) as usize;
             let mut start = script.start.clone();
             for (axis, speed) in start.base_linear.iter_mut().take(2).enumerate() {
@@ -377,6 +380,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
             .collect();
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
+        // The start keeps the log's heading, so the motion is not turned.
         script.turned_back = 0.0;
     }
     if let Some(rates) = rates.filter(|rates| rates.iter().all(|x| x.is_finite())) {

@@ -79,6 +79,7 @@ impl Remedies {
                 let of_joint = |number: &SwingNumber| number.joints == [cause.of.as_str()];
                 self.singles.extend(single_numbers(findings).into_iter().filter(of_joint));
             }
+            // No parameter of a fit stands for the steps of an encoder.
             CauseKind::EncoderStep => return false,
         }
         true

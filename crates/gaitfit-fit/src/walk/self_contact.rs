@@ -21,19 +21,19 @@ const MAX_SAMPLES: usize = 10_000;
 /// Max number of pairs that a sentence names.
 const MAX_NAMED: usize = 4;
 
-/// What the logs show.
+/// Pairs of parts that touch in the logs.
 #[derive(Debug)]
 pub struct Touching {
     /// The pairs that touch; `None` if none do.
     pub chosen: Option<SelfContact>,
-    /// In sentences.
+    /// Notes on them, each a sentence.
     pub notes: Vec<String>,
 }
 
-/// How close two parts come.
+/// Overlap of two parts.
 struct Closeness {
     pair: SelfPair,
-    /// By how much they overlap in the samples in which they touch, m.
+    /// Depths to which they overlap in the samples in which they touch, m.
     overlaps: Vec<f64>,
 }
 

@@ -27,7 +27,7 @@ pub struct WalkSimulator {
     filled: Vec<Filled>,
     /// The readings of the logs' sensors.
     readings: Readings,
-    /// How much standing feet are trusted to show how the base moves, see [`predict::Job::feet_trust`].
+    /// Trust in standing feet to show how the base moves, see [`predict::Job::feet_trust`].
     feet_trust: f64,
     /// Joints of the model, which θ names.
     model_joints: Vec<String>,
@@ -75,6 +75,7 @@ impl WalkSimulator {
         let walker = &self.walking.task.walker;
         for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
             let stream =
+                // Seed 0: searches of all seeds share these starts.
                 Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
             script.others =
                 (0..STARTS_NEAR).map(|start| near(walker, &script.start, stream.step(start))).collect();
@@ -212,9 +213,10 @@ impl Filled {
     }
 }
 
-/// Min cosine of the base's angle from upright. Above it, a simulation starts with the log's orientation.
+/// Min cosine of the base's angle from upright, 30°. Above it, a simulation starts with the log's orientation.
 const START_UPRIGHT: f64 = 0.87;
-/// Number of starts near a log's start; a simulation takes one of them.
+/// Number of starts near a log's start; a simulation takes one of them. With the usual four simulations of each log,
+/// three of which start near, a log has 48.
 const STARTS_NEAR: u32 = 16;
 /// Standard deviation of a joint's angle at a start near the log's, rad.
 const START_ANGLE: f64 = 0.05;

@@ -107,7 +107,7 @@ pub fn with_springs(model: &Model, singles: &[Effect]) -> Model {
 /// Least relative error of a spring or strength. Estimates of ten springs on robots in MuJoCo were wrong by up to 7 %.
 const MIN_SINGLE_ERROR: f64 = 0.1;
 
-/// What single joints have by themselves: stiffness and torque at angle 0 of a spring, or the strength of the motor.
+/// Findings on single joints: stiffness and torque at angle 0 of a spring, or the strength of the motor.
 pub fn single_numbers(findings: &SwingFindings) -> Vec<SwingNumber> {
     let number = |single: &Effect, kind: JointParameter, value: f64, error: f64| SwingNumber {
         kind: kind.name(),

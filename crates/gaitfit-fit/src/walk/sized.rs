@@ -36,7 +36,7 @@ struct Scale {
 }
 
 impl Scale {
-    /// By the motors of the joints `moved` of one kind.
+    /// The scale by the motors of the joints `moved` of one kind.
     fn new(model: &Model, moved: &[usize], kind: JointKind) -> Self {
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
         let mut torques: Vec<f64> = moved
@@ -88,6 +88,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             names.iter().enumerate().filter(|(_, name)| covers(rule, name)).map(|(joint, _)| joint).collect();
         let scale = Scale::new(model, &covered, rule.joint_kind).joint(rule.kind);
         let bare = ParameterRule { joint_kind: rule.joint_kind, ..ParameterRule::new(rule.kind) };
+        // A rule that repeats the defaults counts as one that leaves its numbers to them.
         let given = if usual.parameter.contains(given) { &bare } else { given };
         let mut values: Vec<f64> =
             covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
@@ -100,6 +101,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             rule.upper = Some(wider);
         }
         if given.deviation.is_none() && upper > 0.0 {
+            // The deviation keeps its share of the range.
             rule.deviation = rule.deviation.map(|deviation| deviation * (wider / upper));
         }
         if given.start.is_none() && middle > 0.0 {

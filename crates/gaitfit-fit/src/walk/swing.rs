@@ -15,17 +15,17 @@ pub use gaitfit_swing::{
     effects, estimate_walks, tilt_beside_twist, usual_groups,
 };
 
-/// What the logs of one robot show without a simulation.
+/// Findings in the logs of one robot without a simulation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SwingFindings {
     /// Lags, biases and noise of sensors.
     pub sensors: Sensors,
-    /// What standing feet show of the inertial unit.
+    /// Findings about the inertial unit from standing feet.
     pub standing: Standing,
     /// The same, estimated together with the twist of joints; absent if no joints seem to twist. See [`Self::tilt`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub beside_twist: Option<Standing>,
-    /// What was removed from the logs before legs in the air were examined, each in a sentence.
+    /// Faults that were removed from the logs before legs in the air were examined, each in a sentence.
     pub taken_out: Vec<String>,
     /// Names of the robot's slides. Estimates from legs in the air leave them out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -77,8 +77,8 @@ impl SwingFindings {
         self.swings.as_ref().map(|report| effects(model, walks, report, settings)).unwrap_or_default()
     }
 
-    /// As [`Self::new`] without effects beyond the model; and the logs as walks, without faults of sensors. There
-    /// are no walks if the logs lack what is needed.
+    /// The findings of [`Self::new`] without effects beyond the model; and the logs as walks, without faults of
+    /// sensors. There are no walks if the logs lack what is needed.
     pub fn without_effects(
         model: &Model,
         logs: &[&Trajectory],
@@ -176,9 +176,9 @@ pub struct SwingNumber {
     pub joints: Vec<String>,
     /// Value and standard error, in the parameter's unit.
     pub estimate: Estimate,
-    /// By how much the value rises if the motors' strength rises by 1.
+    /// Rise of the value where the motors' strength rises by 1.
     pub by_strength: f64,
-    /// By how much the value falls if the friction under load rises by 1.
+    /// Fall of the value where the friction under load rises by 1.
     pub by_load: f64,
 }
 
@@ -271,6 +271,7 @@ pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> 
     let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
         let Estimate { value, error } = one;
         let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
+        // A prior needs a deviation above 0 in five decimals.
         let error = error.max(1e-5);
         let load = if by_load == 0.0 { String::new() } else { format!(", by_load = {by_load:.5}") };
         text += &format!(
@@ -347,6 +348,7 @@ pub fn beside<'a>(
 ) -> Vec<Beside> {
     let numbers = numbers(report, step);
     let fitted: Vec<Fitted<'a>> = fitted.into_iter().collect();
+    // A 95 % interval is about four standard errors wide.
     let error_of = |one: &Fitted<'_>| one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
     // Value and standard error of the fitted friction under load of these joints.
     let load_of = |joints: &[String]| {

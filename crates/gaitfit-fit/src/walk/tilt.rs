@@ -43,6 +43,7 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
             let logged = &action[sample * joints..(sample + 1) * joints];
             let given = Given::from_log(log, sample);
             let (_, nearest) = search.nearest(log, sample, last, &given, clock, logged);
+            // The sine of the lean. Beyond 90° it falls again: a robot on its back seems upright, see [`APART`].
             let [x, y, _] = nearest.get(Quantity::ProjectedGravity).unwrap_or_default();
             (sample, x.hypot(y).min(1.0).asin().to_degrees())
         })

@@ -117,7 +117,7 @@ pub fn timestep(config: &AdaptConfig, policy: &Policy) -> Result<f64, Error> {
     Ok(trained.map_or(step, |trained| step.min(trained)))
 }
 
-/// How many feet the robot of the policy's task has.
+/// Number of feet of the robot of the policy's task.
 ///
 /// # Errors
 /// A task in the policy's file that cannot be read.

@@ -97,8 +97,8 @@ pub struct Round {
     pub values: Vec<f64>,
     /// Its torque noise, N·m.
     pub torque_noise: f64,
-    /// Where fits of its logs would end if that of the real ones ended where the slope of its loss does. Bounds do not
-    /// limit them.
+    /// Ends of the fits of its logs, relative to a fit of the real ones that ends where the slope of its loss does.
+    /// Bounds do not limit them.
     pub fits: Vec<Vec<f64>>,
 }
 
@@ -169,8 +169,8 @@ pub fn correct(
     }
 }
 
-/// Where the slope of the loss ends, and what the logs say there: kinks of the loss can hold a search before. `None` if
-/// the equations of the first step cannot be solved.
+/// Follows the slope of the loss to its end, and asks the logs there: kinks of the loss can hold a search before it.
+/// `None` if the equations of the first step cannot be solved.
 fn further(
     problem: Problem<'_>,
     values: &[f64],
@@ -210,7 +210,7 @@ struct Inference<'a> {
     world: &'a dyn World,
     /// Values of their fit.
     fitted: &'a [f64],
-    /// Where the slope of their loss ends.
+    /// The end of the slope of their loss, see [`further`].
     values: &'a [f64],
     loss: Loss,
     /// Entries that have an effect.
@@ -234,6 +234,7 @@ impl Inference<'_> {
                 Some(slope) => slope,
                 None => {
                     let left = self.left(&simulated, FIRST_NOISE, &mut numbers)?;
+                    // The squared median that is left is about quiet + rise · noise², see the head of the file.
                     *slope.insert((left - quiet) / FIRST_NOISE.powi(2))
                 }
             };
@@ -241,6 +242,7 @@ impl Inference<'_> {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
+            // Logs that leave less than those of a robot without noise show none.
             let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
@@ -268,7 +270,7 @@ impl Inference<'_> {
         Ok(self.correction(done, &far, &response))
     }
 
-    /// How fits answer to the robot, by all rounds.
+    /// The answer of fits to changes of the robot, from all rounds.
     fn response(&self, rounds: &[Round]) -> Result<Response, Failure> {
         let shown: Vec<Shown> = rounds
             .iter()
@@ -349,7 +351,7 @@ impl Inference<'_> {
         Some(self.next(simulated, &moved))
     }
 
-    /// Where a fit of logs would end.
+    /// The end of a fit of simulated logs, less the step that the real logs still ask for at the same values.
     fn fit(&self, compared: &Comparison) -> Vec<f64> {
         let steps = compared.step.iter().zip(self.real.step.iter());
         self.values.iter().zip(steps).map(|(value, (step, real))| value + step - real).collect()
@@ -367,7 +369,7 @@ impl Inference<'_> {
         self.world.ask(self.problem, &Question { simulated, noise, values, step }, numbers)
     }
 
-    /// As [`Self::ask`], with the step that each set asks for.
+    /// The same as [`Self::ask`], with the step that each set asks for.
     fn compared(&self, simulated: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Comparison>, Failure> {
         let slope = Slope { loss: self.loss, moving: self.moving.clone() };
         self.ask(simulated, noise, Some(slope), numbers)

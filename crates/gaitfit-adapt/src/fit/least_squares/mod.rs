@@ -38,16 +38,21 @@ pub const MAX_ENTRIES: usize = 200;
 /// Distance of the two candidates of a derivative from their middle, in an entry's deviations: far enough for the effect
 /// to stand out from feet that touch the ground a moment sooner or later.
 const PROBE: f64 = 0.5;
-/// Dampings tried in a generation, times the one that served last.
+/// Dampings tried in a generation, times the one that served last. All four are simulated together. The first one
+/// lets the damping fall again.
 const DAMPINGS: [f64; 4] = [1e-2, 1.0, 1e2, 1e4];
+/// The damping of the first step, as in Press et al., "Numerical Recipes", section 15.5.
 const FIRST_DAMPING: f64 = 1e-3;
+/// A step with this damping counts as undamped.
 const MIN_DAMPING: f64 = 1e-9;
 const MAX_DAMPING: f64 = 1e9;
 /// A loss that falls by less than this part has come to its end.
 const PROGRESS: f64 = 1e-7;
-/// How much the damping rises where no step is downhill.
+/// How much the damping rises where no step is downhill. The least factor of the next [`DAMPINGS`] then gives the
+/// largest damping that was tried.
 const RISE: f64 = 1e6;
-/// Where no step is downhill with this damping, none is.
+/// Where no step is downhill with this damping, none is. The largest trial has a damping of at least 1e6, and its
+/// step is too short to matter.
 const STEEP: f64 = 1e2;
 
 /// The state of a search; one generation is one step.
@@ -154,7 +159,7 @@ impl GaussNewton {
         Ok(step(&mut [(self, *problem)], generations, tolerance)?.pop().flatten())
     }
 
-    /// Where a step may lead to.
+    /// Candidates for the next step, one per damping.
     fn trials(&self, theta: &Theta, slopes: &Slopes) -> Vec<Trial> {
         let dampings = DAMPINGS.iter().map(|factor| (self.damping * factor).clamp(MIN_DAMPING, MAX_DAMPING));
         let trial = |damping: f64| {
@@ -208,6 +213,7 @@ impl GaussNewton {
             None if trials.is_empty() => self.stop = Some(Stop::Degenerate),
             // No direction is downhill: this is the lowest point, but for the rounding of the simulation.
             None if self.damping >= STEEP => self.stop = Some(Stop::Converged),
+            // At least `STEEP`, so that the search ends if the next trials fail too.
             None => self.damping = (self.damping * RISE).clamp(STEEP, MAX_DAMPING),
         }
         if self.stop.is_none() && self.generation as usize >= generations {
@@ -290,7 +296,7 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
     Ok(around_all(&[(*problem, values)])?.pop().flatten())
 }
 
-/// As [`around`] of several points, which are simulated together.
+/// Does what [`around`] does for several points, which are simulated together.
 fn around_all(points: &[(Problem<'_>, &[f64])]) -> Result<Vec<Option<Around>>, FitError> {
     let near = points.iter().map(|(problem, values)| Neighbourhood::new(*problem, values));
     let near = near.collect::<Result<Vec<_>, _>>()?;
@@ -305,7 +311,7 @@ struct Neighbourhood<'a> {
     problem: Problem<'a>,
     /// The point, and behind it the two neighbours of each entry.
     candidates: Vec<Vec<f64>>,
-    /// How far these two are apart.
+    /// Distance between the two neighbours of each entry, in its unit.
     steps: Vec<f64>,
     /// The simulator's own derivatives at the point: its neighbours are not needed then.
     exact: Option<Vec<Column>>,
@@ -324,6 +330,7 @@ impl<'a> Neighbourhood<'a> {
                 candidates.push(candidate);
                 candidates.last().map_or(to, |candidate| candidate[at])
             };
+            // At a bound one of the two stays where it is, and the difference is one-sided.
             steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
         }
         problem.check(problem.differences()?.count(), candidates.len())?;
@@ -344,6 +351,7 @@ impl<'a> Neighbourhood<'a> {
         let Some(residuals) = all.next() else { return Ok(None) };
         if let Some(columns) = self.exact {
             let jacobian = Jacobian::exact(columns, width);
+            // An exact derivative counts as one simulation.
             return Ok(Some(Around { residuals, jacobian, evaluations: 1 + self.steps.len() }));
         }
         let mut pairs = Vec::with_capacity(self.steps.len());

@@ -60,6 +60,7 @@ impl Loss {
     /// Weight of a difference in the normal equations.
     fn weight(&self, residual: f64) -> f64 {
         let off = residual.abs();
+        // The slope of Huber's loss over the difference: a square with this weight has the same slope.
         if off <= self.elbow { 1.0 } else { self.elbow / off }
     }
 }
@@ -98,7 +99,8 @@ impl Jacobian {
         Self { columns: pool::map_each(moved.into_iter(), (threads, threads), column), width }
     }
 
-    /// From the simulator's own derivatives.
+    /// From the simulator's own derivatives. They are not limited: it has them where nothing touches and makes them
+    /// jump.
     pub fn exact(columns: Vec<Vec<Vec<f32>>>, width: usize) -> Self {
         Self { columns, width }
     }
@@ -202,6 +204,7 @@ impl Normal {
             if !free[i] || diagonal <= 1e-300 || !diagonal.is_finite() {
                 matrix.fill_row(i, 0.0);
                 matrix.fill_column(i, 0.0);
+                // The row, the column and the slope are 0, so any positive number keeps the entry where it is.
                 matrix[(i, i)] = largest.max(1e-300);
                 slope[i] = 0.0;
             } else {

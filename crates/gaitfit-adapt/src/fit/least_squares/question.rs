@@ -116,6 +116,7 @@ pub fn answers<W: World + ?Sized>(
         Ok(Comparison { left: Loss::new(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
+    // A step simulates the values and two neighbours of each entry.
     let candidates = 2 * problem.theta.len() + 1;
     let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
     let at_once = logs.first().map_or(1, |logs| Problem::at_once(logs.cost.as_ref(), candidates));

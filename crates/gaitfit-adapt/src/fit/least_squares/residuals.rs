@@ -132,6 +132,7 @@ pub(super) fn residuals(
     }
     let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         if let Some((differences, pending)) = pending.get(candidate) {
+            // Computed before the lock is taken, so that threads do not wait for one another.
             let residuals = differences.compute(recording, signals);
             let mut pending = pending.lock().unwrap_or_else(PoisonError::into_inner);
             pending.add(recording, signals, residuals);

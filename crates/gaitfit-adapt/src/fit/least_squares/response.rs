@@ -45,6 +45,7 @@ impl Response {
         let robots: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.robot)).collect();
         let fits: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.fit)).collect();
         let last = robots.last()?;
+        // A robot one deviation away counts half.
         let weights: Vec<f64> =
             robots.iter().map(|robot| 1.0 / (1.0 + (robot - last).norm_squared())).collect();
         let sum_of_weights: f64 = weights.iter().sum();
@@ -60,7 +61,8 @@ impl Response {
         let noisy = noises().filter(|noise| *noise > 0.0).count();
         let noise =
             noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + MIN_NOISE.powi(2);
-        // The response beyond one to one, times the differences of robots.
+        // The response beyond one to one, times the differences of robots. The ridge is the variance of the fits
+        // over that of the answer: what a normal prior of deviation DOUBT amounts to.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
         for ((one, its), weight) in robots.iter().zip(&fits).zip(&weights) {
@@ -72,6 +74,7 @@ impl Response {
         if !learnt.iter().all(|number| number.is_finite()) {
             return None;
         }
+        // By singular values, so that no answer is taken for smaller than MIN_ANSWER.
         let parts = learnt.svd(true, true);
         let (left, right) = (parts.u?, parts.v_t?);
         let (min, part) = parts.singular_values.argmin();

@@ -52,6 +52,7 @@ pub fn sensitivity(
         Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature;
     let numbers: usize = residuals.recordings.iter().map(Vec::len).sum();
     let squares: f64 = residuals.recordings.iter().flatten().map(|one| f64::from(*one).powi(2)).sum();
+    // Each fitted entry takes away the errors of one number.
     let rms = (squares / numbers.saturating_sub(values.len()).max(1) as f64).sqrt();
     let difference = difference.unwrap_or(rms);
     let together = together(&residuals, jacobian.width);
@@ -120,11 +121,13 @@ fn together(residuals: &Residuals, width: usize) -> f64 {
     }
     let samples = residuals.recordings.iter().map(|one| one.len() / width.max(1)).max().unwrap_or(0);
     let mut sum = 1.0;
+    // Further apart than a quarter of a log, too few pairs of samples are left.
     for apart in 1..MAX_APART.min(samples / 4) {
         let alike = product(apart) / whole;
         if alike <= 0.0 {
             break;
         }
+        // Pairs are so far apart in both directions.
         sum += 2.0 * alike;
     }
     sum

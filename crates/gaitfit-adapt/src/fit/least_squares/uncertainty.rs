@@ -19,17 +19,17 @@ use std::ops::Range;
 
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
-/// Fewest samples of a piece: what happens within belongs together.
+/// Fewest samples of a piece, half a second at 50 Hz: what happens within belongs together.
 const MIN_SAMPLES: usize = 25;
 /// Draws of θ.
 const DRAWS: usize = 64;
 /// Damping that keeps equations solvable in which the logs say nothing of an entry.
 pub(super) const RIDGE: f64 = 1e-9;
 
-/// Where the estimate would be if something were otherwise.
+/// Distance of another estimate from the fit's, and what makes that one differ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shift {
-    /// What is otherwise.
+    /// The difference that moves the estimate, in words.
     pub what: String,
     /// How far it is from the values found, one number an entry, in the entry's unit.
     pub by: Vec<f64>,
@@ -54,12 +54,12 @@ pub struct Uncertainty {
 pub struct Alternative<'a> {
     /// How it differs, in words.
     pub what: String,
-    /// It.
+    /// The simulator itself.
     pub simulator: &'a dyn Simulator,
 }
 
-/// Measures it around `values`, where a search of least squares of `problem` ended, with its random draws. With a
-/// `correction` it is that of the corrected values. `None` if the simulation of `values` diverges.
+/// Measures the joint uncertainty of `values`, where a search of least squares of `problem` ended, with its random
+/// draws. With a `correction` it is that of the corrected values. `None` if the simulation of `values` diverges.
 ///
 /// # Errors
 /// As [`super::super::Fit::step`].
@@ -117,9 +117,10 @@ pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss, threads: usize) -
 struct Estimate<'a> {
     theta: &'a Theta,
     values: &'a [f64],
-    /// How much more the choice of logs moves it, as simulated logs are few too.
+    /// Factor on the deviation from the choice of logs: corrected values depend on it more, as simulated logs are
+    /// few.
     inflation: f64,
-    /// How far a corrected value moves where the fit's values move.
+    /// Change of the corrected values per change of the fit's values, where there is a correction.
     response: Option<DMatrix<f64>>,
     whole: Normal,
     /// Entries that neither rest on a bound which holds them, nor lack an effect.
@@ -140,6 +141,7 @@ impl<'a> Estimate<'a> {
             let score = &part.slope - &whole.slope / count;
             scores += &score * score.transpose();
         }
+        // The scores are about their mean, so one of them is not free.
         if parts.len() > 1 {
             scores *= count / (count - 1.0);
         }
@@ -152,7 +154,7 @@ impl<'a> Estimate<'a> {
         Self { free: free.collect(), theta, values, inflation: 1.0, response: None, whole, silent, scores }
     }
 
-    /// How far a change of the slope moves the estimate.
+    /// Change of the estimate where the slope of the loss changes by `slope`.
     fn step(&self, slope: &DVector<f64>) -> Option<Vec<f64>> {
         self.solve(&self.whole.curvature, slope)
     }
@@ -167,6 +169,7 @@ impl<'a> Estimate<'a> {
     /// alone, which says how firmly it rests.
     fn sampling(&self) -> Option<Vec<f64>> {
         let entries = self.values.len();
+        // H⁻¹ S H⁻¹ by two solutions, as each step is one with H.
         let mut half = DMatrix::zeros(entries, entries);
         for (at, column) in self.scores.column_iter().enumerate() {
             half.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
@@ -183,6 +186,7 @@ impl<'a> Estimate<'a> {
             let variance = if self.free[at] {
                 covariance[(at, at)]
             } else if self.silent[at] {
+                // Half of the range: two deviations reach from bound to bound.
                 0.25 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower).powi(2)
             } else {
                 self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)

@@ -35,6 +35,7 @@ pub fn unexplained(problem: Problem<'_>, values: &[f64]) -> Result<Option<Unexpl
         inverse(&Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature);
     let (squares, alike) = sums(&residuals, jacobian.width);
     let count = residuals.recordings.iter().map(Vec::len).sum::<usize>().max(1);
+    // An entry that the logs do not show has an empty row.
     let reach = |(at, row): (usize, &Vec<f64>)| row.get(at).map(|own| (alike * own).max(0.0).sqrt());
     Ok(Some(Unexplained {
         error: (squares / count as f64).sqrt(),
@@ -53,6 +54,7 @@ fn sums(residuals: &Residuals, width: usize) -> (f64, f64) {
             square += numbers().map(|one| one * one).sum::<f64>();
             alike += numbers().zip(numbers().skip(1)).map(|(one, next)| one * next).sum::<f64>();
         }
+        // Errors that alternate in sign are not alike.
         sums = (sums.0 + square, sums.1 + alike.max(0.0));
     }
     sums

@@ -105,6 +105,7 @@ fn parts(sorted: &[f64], scale: f64) -> Vec<f64> {
     let count = sorted.len();
     (0..PARTS)
         .map(move |part| {
+            // With fewer samples than parts, neighbouring parts share a sample: each has at least one.
             let from = (part * count / PARTS).min(count.saturating_sub(1));
             let to = ((part + 1) * count / PARTS).clamp((from + 1).min(count), count);
             scale * sorted[from..to].iter().sum::<f64>() / (to - from) as f64

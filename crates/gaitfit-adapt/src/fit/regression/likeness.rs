@@ -86,6 +86,7 @@ fn distance(logs: &[f64], robots: &[&Vec<f64>]) -> Option<f64> {
     let of_number = |at: usize| {
         let mean = robots.iter().map(|one| one[at]).sum::<f64>() / count;
         let variance = robots.iter().map(|one| (one[at] - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        // The mean of the robots is uncertain too, by 1/count of the variance.
         (variance > STEADY).then(|| (logs[at] - mean).powi(2) / (variance * (1.0 + 1.0 / count)))
     };
     let distances: Vec<f64> = (0..logs.len()).filter_map(of_number).collect();

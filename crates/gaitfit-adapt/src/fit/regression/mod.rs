@@ -53,7 +53,8 @@ pub const MAX_REGRESSED: usize = 50;
 /// truth. But on soft ground they gave larger errors of the policy's walks under other commands. The search's values also
 /// compensate for what the fit's simulator lacks.
 pub const MAX_TAKEN: usize = 12;
-/// Min number of robots of a round for each entry and each set of logs (`optimizer.replicates`).
+/// Min number of robots of a round for each entry and each set of logs (`optimizer.replicates`): seven for each
+/// entry with the usual four sets.
 const PER_ENTRY: f64 = 1.75;
 
 /// The robot, simulated as it makes logs.
@@ -129,7 +130,7 @@ impl Regression {
 pub struct Logs {
     /// Numbers ([`Distributions::recorded`]).
     pub numbers: Vec<f64>,
-    /// Which of them belong together ([`Distributions::groups`]).
+    /// Ranges of numbers that belong together ([`Distributions::groups`]).
     pub groups: Vec<Range<usize>>,
     /// Threads that learn from the groups. The estimates do not depend on their number.
     pub threads: usize,
@@ -170,6 +171,7 @@ fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimat
     let Posteriors { groups, together, .. } = &posteriors;
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
+    // Numbers of robots go on from those of the rounds, so that no two robots have the same random draws.
     let mut simulated = source.each * rounds.len();
     // Robots that fall do not count.
     let mut walk = |robots: &[Vec<f64>]| {

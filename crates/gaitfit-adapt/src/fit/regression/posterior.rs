@@ -45,6 +45,7 @@ pub fn with_priors(
             return 1.0 + INDEPENDENT;
         }
         let product = left[a].iter().zip(&left[b]).map(|(a, b)| a * b).sum::<f64>() / left[a].len() as f64;
+        // Where all errors of an entry are 0 the quotient is not a number, and nothing correlates with it.
         let correlation = product / (sizes[a] * sizes[b]);
         if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
     });
@@ -54,6 +55,8 @@ pub fn with_priors(
     }
     let mut precision = correlations.cholesky()?.inverse();
     let mut pull = DVector::<f64>::zeros(count);
+    // In units of the deviations a prior is one more equation with an error of 1. It holds the value less what
+    // strength and load change of it.
     for (at, prior) in theta.priors().enumerate() {
         let Some(prior) = prior else { continue };
         let mut row = DVector::<f64>::zeros(count);
@@ -82,6 +85,7 @@ pub fn with_priors(
 /// The Cholesky factor of the correlations of `covariance`. `None` if the matrix has no inverse.
 fn factor(covariance: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let mut factor = covariance.clone().cholesky()?.unpack();
+    // Rows of length 1 make the covariance's factor one of its correlations.
     for mut row in factor.row_iter_mut() {
         let size = row.norm();
         row /= size;

@@ -102,6 +102,7 @@ impl Robots {
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Prediction>> {
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
         let SymmetricEigen { eigenvectors: vectors, mut eigenvalues } = kernel.symmetric_eigen();
+        // A kernel has no negative eigenvalues; these are rounding.
         eigenvalues.apply(|value| *value = value.max(0.0));
         let largest = eigenvalues.max();
         if !(largest.is_finite() && largest > 0.0) {
@@ -115,11 +116,14 @@ impl Robots {
         let squared = vectors.map(|one| one * one);
         let scaled =
             |by: &DVector<f64>| DMatrix::from_fn(count, entries, |k, entry| by[k] * turned[(k, entry)]);
+        // Leave-one-out errors without another fit: a residual over 1 less its lever (PRESS, Allen 1974). The mean
+        // of the values takes 1/count of each.
         let left_out = |penalty: f64| {
             let shrunk = eigenvalues.map(|value| value / (value + penalty));
             let levers = &squared * &shrunk;
             let mut errors = &vectors * scaled(&shrunk) - &wanted;
             for (mut row, lever) in errors.row_iter_mut().zip(levers.iter()) {
+                // A robot that determines a prediction alone has a lever near 1; the bound keeps its error finite.
                 row /= (1.0 - lever - 1.0 / count as f64).max(1e-9);
             }
             errors
@@ -133,6 +137,8 @@ impl Robots {
             let weights =
                 DVector::from_fn(count, |k, _| turned[(k, entry)] / (eigenvalues[k] + penalties[best]));
             let (errors, wanted) = (tried[best].column(entry), wanted.column(entry));
+            // The slope of the predictions (error plus value) on the values. A penalty only shrinks, so a slope
+            // above 1 is chance.
             let slope = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
             let slope = if slope.is_finite() && slope > MIN_SLOPE { slope.min(1.0) } else { 1.0 };
             let left_out: Vec<f64> = errors
@@ -161,6 +167,7 @@ struct Prediction {
 /// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their own
 /// errors (DerSimonian and Laird 1986).
 fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
+    // An error of 0 would have all the weight.
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
     let variance = |one: &&Prediction| one.error.max(min).powi(2);
     let weighted = |besides: f64| {
@@ -168,6 +175,7 @@ fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
         let sum: f64 = weights().sum();
         (said.iter().zip(weights()).map(|(one, weight)| weight * one.value).sum::<f64>() / sum, sum)
     };
+    // Cochran's Q exceeds its degrees of freedom by what the groups disagree besides their errors.
     let (fixed, sum) = weighted(0.0);
     let squares: f64 = said.iter().map(|one| 1.0 / variance(one).powi(2)).sum();
     let spread: f64 = said.iter().map(|one| (one.value - fixed).powi(2) / variance(one)).sum();

@@ -93,7 +93,7 @@ pub(super) struct Posteriors {
     pub robots: usize,
 }
 
-/// What the rounds are made of.
+/// Inputs of the rounds.
 pub(super) struct Rounds<'a> {
     /// The parameters.
     pub theta: &'a Theta,
@@ -119,6 +119,7 @@ impl Rounds<'_> {
             (Robots::default(), Vec::<Drawn>::new(), None::<Posteriors>);
         for round in 0..MAX_ROUNDS {
             let bounds = around(entries, &centre, &half);
+            // Before the first round no errors are known whose correlations robots could have.
             let robots = match &latest {
                 None => self.evenly(&bounds, round),
                 Some(latest) => self.correlated(&latest.groups, &centre, &half, round),
@@ -255,7 +256,8 @@ fn around(entries: &[Entry], centre: &[f64], half: &[f64]) -> (Vec<f64>, Vec<f64
     ends.map(|((entry, at), half)| ((at - half).max(entry.lower), (at + half).min(entry.upper))).unzip()
 }
 
-/// Robots with values drawn evenly between `lower` and `upper`: of each value one robot lies in each of `count` equal parts.
+/// Robots with values drawn evenly between `lower` and `upper`: of each value one robot lies in each of `count`
+/// equal parts (Latin hypercube, McKay, Beckman and Conover 1979).
 fn evenly(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> Vec<Vec<f64>> {
     let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(first);
     let mut robots = vec![Vec::with_capacity(lower.len()); count];
@@ -264,6 +266,7 @@ fn evenly(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> 
         let mut order: Vec<(f64, usize)> = (0..count).map(|k| (draws.uniform(number(k)), k)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, (_, robot)) in order.into_iter().enumerate() {
+            // The numbers from `count` on are not those that ordered the robots.
             let within = draws.uniform(number(count + robot));
             robots[robot].push(lower + (upper - lower) * (part as f64 + within) / count as f64);
         }

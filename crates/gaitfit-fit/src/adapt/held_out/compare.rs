@@ -17,11 +17,11 @@ use std::sync::Arc;
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.5;
-/// How often halves are drawn, and the fewest blocks that halves are drawn of.
+/// Number of times that halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
-/// How often walks are simulated, with other random draws, if the robot itself falls: one fall more or less moves the distance by
-/// more than all else.
+/// Simulations of the walks, each with other random draws, if the robot itself falls: one fall more or less moves
+/// the distance by more than all else.
 const FALLING_SIMULATIONS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
@@ -100,7 +100,7 @@ pub fn held_out(
     }))
 }
 
-/// How often [`held_out`] simulates the walks with each of its two robots, at most.
+/// Number of times that [`held_out`] simulates the walks with each of its two robots, at most.
 pub fn simulations(method: &Method, set: &LogSet) -> usize {
     match (method.walking(), set.reference.fall_rate() > 0.0) {
         (None, _) => 0,
@@ -234,6 +234,7 @@ fn chosen_blocks(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Opt
 fn shuffled(draw: u32, count: usize) -> Vec<usize> {
     let stream = Stream::new(SEED, Purpose::BOOTSTRAP).step(draw);
     let mut order: Vec<usize> = (0..count).collect();
+    // Fisher and Yates's shuffle.
     for place in 0..count.saturating_sub(1) {
         let left = (count - place) as f64;
         order.swap(place, place + (stream.uniform(place as u32) * left) as usize);

@@ -26,7 +26,7 @@ const FAR: f64 = 1.5;
 const LEFT: f64 = 0.5;
 /// Largest share of logs in which a fitted robot may fall by chance.
 const CHANCE: f64 = 0.02;
-/// How far simulated walks are from held-out logs.
+/// Distances of simulated walks from held-out logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
     /// Logs, or stretches of logs, that were compared.
@@ -37,9 +37,9 @@ pub struct HeldOut {
     pub cost: Option<f64>,
     /// The same of the robot before the fit.
     pub nominal_cost: Option<f64>,
-    /// How far the robot is from itself; absent if the logs are too short.
+    /// Distance of the robot from itself; absent if the logs are too short.
     pub floor: Option<Floor>,
-    /// How far it is from itself in other trials of the same commands; absent without such logs.
+    /// Distance of the robot from itself in other trials of the same commands; absent without such logs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trials: Option<Trials>,
     /// Logs in which the fitted robot falls. If the robot itself falls, walks are simulated several times: then the mean of these.
@@ -105,6 +105,7 @@ pub enum Verdict {
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
+        // A robot whose simulation diverges is no better than the one before the fit.
         let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;

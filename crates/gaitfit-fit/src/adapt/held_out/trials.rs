@@ -26,7 +26,7 @@ impl Trials {
         self.fitted.iter().zip(&self.itself).all(|(fitted, itself)| fitted <= itself)
     }
 
-    /// How near the fit is, in words that follow "the fit explains … logs".
+    /// The fit's nearness, in words that follow "the fit explains … logs".
     pub fn words(&self) -> String {
         let ([pooled, each], [robot, robot_each]) = (self.fitted, self.itself);
         format!(
@@ -56,7 +56,7 @@ fn same(one: &Log, other: &Log) -> bool {
     alike && count > 0 && one.path != other.path && sum <= SAME * count as f64
 }
 
-/// From sample number `from` on.
+/// The signals from sample number `from` on.
 pub(super) fn tail(walk: &Predicted, from: usize, joints: usize) -> Predicted {
     let rows = |values: &[f32]| values[(from * joints).min(values.len())..].to_vec();
     Predicted {

@@ -38,14 +38,14 @@ const PROVEN: f64 = 0.5;
 /// Part of the way to a suspect's values by which intervals reach beyond them: it explains the errors roughly.
 const FURTHER: f64 = 0.25;
 
-/// What a fit leaves.
+/// Errors that a fit leaves, and their likely cause.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Leftover {
     /// Root mean square of the errors of free simulations, where the robot's range is 2.
     pub error: f64,
     /// Correlation of an error with that of the next sample: 0 of noise, near 1 of what the simulator lacks.
     pub memory: f64,
-    /// How far each parameter would be off if it made all errors that are alike from sample to sample, in its unit; absent
+    /// Error of each parameter if it made all errors that are alike from sample to sample, in its unit; absent
     /// where the logs do not show it.
     pub reach: Vec<Option<f64>>,
     /// Values at which least squares ends if it continues from the fit. The other numbers belong to these values.
@@ -54,10 +54,10 @@ pub struct Leftover {
     pub cost: f64,
     /// Whether the intervals knew nothing but noise: those of least squares, which know no error of the simulator itself.
     pub noise_alone: bool,
-    /// What the errors of velocities go with; absent where they forget.
+    /// The motions that errors of velocities go with; absent where the errors forget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,
-    /// What would explain most of the errors, if anything does.
+    /// The suspect that explains most of the errors, if one explains enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub suspect: Option<Suspect>,
 }
@@ -68,7 +68,7 @@ impl Leftover {
         self.memory > REMEMBERS && self.error > QUIET
     }
 
-    /// That the simulator lacks something.
+    /// The doubt that the simulator lacks something.
     pub(super) fn doubt(&self) -> Option<Doubt> {
         let mut text = match (self.remembers(), &self.suspect) {
             (false, None) => return None,
@@ -122,8 +122,8 @@ impl Leftover {
     }
 }
 
-/// What the fit by cost number `number` leaves at `values`, where its cost is `cost`; absent of walks, and where samples are
-/// not compared one by one. `noise_alone`: see [`Leftover`].
+/// Examines the errors of the fit by cost number `number` at `values`, where its cost is `cost`; absent of walks,
+/// and where samples are not compared one by one. `noise_alone`: see [`Leftover`].
 pub(super) fn leftover(
     setup: &Setup,
     number: usize,

@@ -15,8 +15,8 @@ const HELD_S: f64 = 0.1;
 /// Max rows in the place of one.
 const MAX_PARTS: usize = 16;
 
-/// What the logs would say if targets moved smoothly from one to the next instead of being held: of a robot whose targets are
-/// sent more often than the log has them. `None` where the log has every target.
+/// Tests whether targets that move smoothly from one to the next, instead of being held, explain the logs: of a
+/// robot whose targets are sent more often than the log has them. `None` where the log has every target.
 pub(super) fn ramped(
     setup: &Setup,
     number: usize,
@@ -24,6 +24,7 @@ pub(super) fn ramped(
     values: &[f64],
 ) -> Result<Option<Suspect>, Error> {
     let step = setup.fit.logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max);
+    // 0.01 is rounding of the period: a log at exactly the fine interval has one part.
     let parts = ((step / FINE_S - 0.01).ceil().max(1.0) as usize).min(MAX_PARTS);
     let mut logs = setup.fit.logs.clone();
     let mut seldom = false;
@@ -109,6 +110,7 @@ fn ramp(target: &mut [f64], width: usize, longest: usize) {
         }
         let short = |at: usize| at + 1 < knots.len() && knots[at + 1].0 - knots[at].0 <= longest;
         let slope = |at: usize| {
+            // At the first target and beside a long hold the robot is at rest, so curves begin and end flat there.
             if at == 0 || !short(at - 1) || !short(at) {
                 return 0.0;
             }

@@ -20,9 +20,9 @@ const SHOWN: usize = 6;
 /// Parameters that were not fitted and explain the errors of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Suspect {
-    /// What they are, in words.
+    /// The parameters, in words.
     pub what: String,
-    /// What to do about it.
+    /// The remedy, in words: what to record or fit otherwise.
     pub remedy: String,
     /// Their names and values.
     pub values: Vec<(String, f64)>,
@@ -50,7 +50,7 @@ pub(super) fn better(first: Option<Suspect>, other: Suspect, min: f64) -> Option
     if other.cost < limit { Some(other) } else { first }
 }
 
-/// What may be wrong besides what is fitted.
+/// A group of parameters that may be wrong besides what is fitted.
 pub(super) struct Suspicion {
     what: &'static str,
     remedy: &'static str,
@@ -110,7 +110,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
 }
 
 impl Suspicion {
-    /// What it would explain: its parameters are fitted besides, from `values` on. `None` if they cannot be.
+    /// Fits its parameters besides, from `values` on, to see what they explain. `None` if they cannot be fitted.
     pub(super) fn tried(
         self,
         setup: &Setup,

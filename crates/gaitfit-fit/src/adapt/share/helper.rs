@@ -52,10 +52,10 @@ impl Helper {
         Ok(Self { setup, with_springs: Mutex::new(None) })
     }
 
-    /// As [`Setup::mark`].
+    /// The mark of the setup, see [`Setup::mark`].
     ///
     /// # Errors
-    /// As there.
+    /// The errors of [`Setup::mark`].
     pub fn mark(&self) -> Result<String, Error> {
         self.setup.mark()
     }
@@ -72,6 +72,7 @@ impl Helper {
             Values::None => &nothing,
             Values::Fitted { springs } if springs.is_empty() => &self.setup.theta,
             Values::Fitted { springs } => match &mut *with_springs {
+                // Most tasks ask for the same springs as the one before, so their θ is kept.
                 Some((known, theta)) if *known == springs => theta,
                 other => {
                     let theta = self.setup.with_springs(&springs).map_err(SimulatorError::failed)?;

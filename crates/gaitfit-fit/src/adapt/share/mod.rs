@@ -27,7 +27,7 @@ pub type Done<'a> = dyn FnMut(usize, &[u8]) -> Result<(), SimulatorError> + 'a;
 
 /// Has tasks done elsewhere.
 pub trait Crew: Send + Sync {
-    /// How many tasks it does at the same time, at least 1.
+    /// Number of tasks that it does at the same time, at least 1.
     fn places(&self) -> usize;
 
     /// Whether this process computes the same bits: then what is too small to be shared is computed here.
@@ -46,9 +46,9 @@ pub trait Crew: Send + Sync {
 #[derive(Clone)]
 pub struct Shares {
     crew: Arc<dyn Crew>,
-    /// Of the setup's costs.
+    /// Names of the setup's costs.
     costs: Arc<[String]>,
-    /// Of what is fitted, springs on odd joints left out.
+    /// Names of the entries of what is fitted, springs on odd joints left out.
     entries: Arc<[String]>,
 }
 
@@ -70,7 +70,8 @@ impl Setup {
         self
     }
 
-    /// What helpers are to find: the costs of the robot where the search begins, bit by bit.
+    /// Fingerprint of this machine's arithmetic: the costs of the robot where the search begins, bit by bit. Helpers
+    /// compute it too.
     ///
     /// # Errors
     /// A simulation that fails.

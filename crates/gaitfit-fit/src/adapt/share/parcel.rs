@@ -80,6 +80,7 @@ pub(super) fn unpack(bytes: &[u8], folder: &Path) -> Result<AdaptConfig, Error> 
         let name = file.enclosed_name().ok_or_else(|| broken(&"a name in it leads out of it"))?;
         let path = folder.join(name);
         let mut content = Vec::new();
+        // A byte more than is left shows that the file is too large, without reading all of it.
         file.take(left + 1).read_to_end(&mut content).map_err(|error| broken(&error))?;
         left = left.checked_sub(content.len() as u64).ok_or_else(|| broken(&"it is too large"))?;
         let parent = path.parent().unwrap_or(folder);

@@ -16,19 +16,20 @@ const EACH: usize = 3;
 /// The simulator `local`, on other machines.
 pub(super) struct Shared {
     pub local: Box<SharedSimulator>,
-    /// As tasks name it.
+    /// The number by which tasks name it.
     pub number: usize,
     pub shares: Shares,
 }
 
 impl Shared {
-    /// How `count` candidates are cut.
+    /// Ranges of candidates, one a task, into which `count` candidates are cut.
     fn pieces(&self, count: usize) -> Vec<Range<usize>> {
         pieces(count, self.local.recordings(), self.shares.crew.places())
     }
 
     /// Whether work of so many pieces is done here.
     fn stays(&self, pieces: usize) -> bool {
+        // With other bits even one piece goes to the crew, so that all costs of a fit are comparable.
         pieces < 2 && self.shares.crew.alike()
     }
 
@@ -59,6 +60,7 @@ impl Shared {
 
 /// `count` candidates in pieces of about one size.
 fn pieces(count: usize, recordings: usize, places: usize) -> Vec<Range<usize>> {
+    // Each recording of a candidate is a robot, so many recordings fill the lanes with few candidates.
     let min = TOGETHER.div_ceil(recordings.max(1));
     let pieces = places.saturating_mul(EACH).clamp(1, count.div_ceil(min).max(1));
     (0..pieces).map(|piece| piece * count / pieces..(piece + 1) * count / pieces).collect()

@@ -20,7 +20,7 @@ pub(super) fn write(predictions: &[Vec<Predicted>]) -> Vec<u8> {
     bytes
 }
 
-/// What [`write`] wrote of `rollouts`, of as many recordings each, in their order.
+/// Reads the signals that [`write`] wrote of `rollouts`, of as many recordings each, in their order.
 ///
 /// # Errors
 /// Bytes that are something else.

@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Task {
     /// 0 for the fit's simulator, and from 1 for those that could stand in for it.
     pub simulator: usize,
-    /// What the values of candidates are.
+    /// Meaning of the values of candidates.
     pub values: Values,
-    /// What is to be done.
+    /// The work to be done.
     pub work: Work,
 }
 
-/// What a candidate's values are.
+/// Meaning of a candidate's values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Values {
     /// There are none: the robot is as before the fit.
@@ -25,7 +25,7 @@ pub(super) enum Values {
     Fitted { springs: Vec<String> },
 }
 
-/// What is to be done.
+/// Work that a helper does.
 #[derive(Serialize, Deserialize)]
 pub(super) enum Work {
     /// Costs of jobs, whose costs are numbers of the setup's: answered by [`gaitfit_adapt::fit::Evaluation`]s.
@@ -35,11 +35,11 @@ pub(super) enum Work {
     Views { cost: usize, whole: bool, rollouts: Vec<Rollout> },
     /// Signals, see [`super::signals`].
     Signals(Vec<Rollout>),
-    /// What the set of simulated logs of `number` says: answered by [`Answered`].
+    /// A question to the set of simulated logs of `number`: answered by [`Answered`].
     Ask { cost: usize, draw: u64, question: Question, number: u32 },
 }
 
-/// What a set of simulated logs says.
+/// Answer of a set of simulated logs.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) enum Answered {
     /// The comparison.
@@ -49,14 +49,15 @@ pub(super) enum Answered {
 }
 
 impl Task {
-    /// As it is sent.
+    /// The task as bytes to be sent.
     pub fn bytes(&self) -> Result<Vec<u8>, SimulatorError> {
         bytes(self)
     }
 }
 
 impl Values {
-    /// What `theta` has besides `entries`, those of the fit's own.
+    /// The values of `theta`. Joints of entries that are not among `entries`, those of the fit's own, have springs
+    /// besides.
     pub fn new(theta: &Theta, entries: &[String]) -> Self {
         if theta.is_empty() {
             return Self::None;
@@ -71,12 +72,12 @@ impl Values {
     }
 }
 
-/// What is sent.
+/// Bytes of a value that is sent.
 pub(super) fn bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, SimulatorError> {
     serde_json::to_vec(value).map_err(|error| SimulatorError::failed(format!("cannot be sent: {error}")))
 }
 
-/// What was sent.
+/// A value from the bytes that were sent.
 pub(super) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, SimulatorError> {
     serde_json::from_slice(bytes).map_err(|error| {
         SimulatorError::failed(format!(

@@ -46,7 +46,7 @@ const WIDTH: f64 = 2.0;
 const MIN_ERRORS: [f64; 4] = [0.02, 0.01, 5e-4, 4e-4];
 /// Torque noise of the first robot that has some, N·m.
 const NOISE: f64 = 0.5;
-/// Physics step of the simulated robots if nothing states the real one's, s.
+/// Physics step of the simulated robots if nothing states the real one's, s: the usual period of motor boards.
 const STEP_S: f64 = 1e-3;
 /// This part of a correction is added to its error as a standard deviation.
 const DOUBT: f64 = 0.3;
@@ -69,7 +69,7 @@ pub struct Robot<'a> {
     pub policy: &'a Policy,
     /// The model.
     pub model: &'a Model,
-    /// What the fit changes.
+    /// The robot that the fit changes.
     pub base: &'a Candidate,
     /// Threads.
     pub threads: usize,
@@ -115,7 +115,7 @@ pub fn correct(
     Ok(())
 }
 
-/// What the logs of one robot show.
+/// Estimates and effects that the logs of one robot show.
 type Shown = (SwingReport, Vec<Effect>);
 
 /// The simulated robots, and the settings with which their logs are estimated.
@@ -268,11 +268,13 @@ impl World<'_> {
             for (((centre, value), half), least) in
                 centre.iter_mut().zip(&corrected.values).zip(&half).zip(&least)
             {
+                // Beyond what was drawn the regression is a guess: the next round looks there.
                 *centre = value.clamp(*centre - 2.0 * half, *centre + 2.0 * half).max(*least);
             }
             answer = Some(corrected);
         }
         let Answer { values, errors } = answer.ok_or(ALIKE)?;
+        // Errors as large as the region that was drawn: the estimates hardly answer to the values.
         if errors.iter().zip(&half).any(|(error, half)| *error > MAX_ERROR * half) {
             return Err(ALIKE.to_owned());
         }
@@ -289,6 +291,7 @@ impl World<'_> {
     fn draw(&self, centre: &[f64], half: &[f64], first: usize) -> Vec<Vec<f64>> {
         let stream = Stream::new(self.robot.config.optimizer.seed, Purpose::SIMULATED_ROBOTS);
         let robot = |number: usize| {
+            // The last environment: other draws of simulated robots have lower ones.
             let draws = stream.environment(u32::MAX).step(u32::try_from(first + number).unwrap_or(u32::MAX));
             let within = centre.iter().zip(half).zip(self.least(centre.len())).enumerate();
             within
@@ -304,6 +307,7 @@ impl World<'_> {
     /// variance of the torque noise.
     fn least(&self, count: usize) -> impl Iterator<Item = f64> {
         let step = self.recorder.physics_step();
+        // In semi-implicit steps of h targets act h/2 early, so a delay of 0 in the simulation is −h/2 in time.
         (0..count).map(move |at| if at + 2 == count { -step / 2.0 } else { 0.0 })
     }
 
@@ -346,6 +350,7 @@ impl World<'_> {
 
     /// The robot with this number, its values, noise and seed.
     fn walking(&self, robot: &[f64], number: usize) -> Result<NoisyRobot, String> {
+        // The noise is drawn as a variance, in which mean square residuals are linear.
         let (noise, values) = robot.split_last().ok_or("a robot without numbers")?;
         let number = u32::try_from(number).unwrap_or(u32::MAX);
         Ok(NoisyRobot {
@@ -372,6 +377,7 @@ impl World<'_> {
         let Ok((report, shown)) = shown(self.robot.model, &walked, &self.settings, effects) else {
             return Ok(None);
         };
+        // Without the same groups its numbers would not be those of the real robot one by one.
         if !groups_of(&report).eq(self.groups.iter().map(String::as_str)) {
             return Ok(None);
         }
@@ -385,6 +391,7 @@ impl World<'_> {
     fn in_theta(&self, values: &[f64]) -> Vec<f64> {
         let mut values = values.to_vec();
         if let Some(delay) = values.last_mut() {
+            // Targets act half a step early in the simulation, so its delay is longer by that.
             *delay += self.recorder.physics_step() / 2.0;
         }
         values

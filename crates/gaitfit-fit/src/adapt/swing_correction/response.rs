@@ -50,9 +50,11 @@ impl Response {
         for at in 0..width {
             let wanted: DVector<f64> = apart.column(at).into_owned();
             // The penalty is that of a normal prior on the slopes, for the scatter that the regression itself leaves.
+            // The first pass takes all that is to be explained for scatter, the next ones what leave-one-out leaves.
             let mut scatter = wanted.norm_squared() / count as f64;
             let mut slope = DVector::zeros(width);
             for _ in 0..PASSES {
+                // The bound keeps the inverse finite where estimates follow the values without scatter.
                 let penalty = (scatter / (SLOPE * SLOPE)).max(1e-12);
                 let shrunk = parts.eigenvalues.map(|value| 1.0 / (value.max(0.0) + penalty));
                 let weights = (&turned * &wanted).component_mul(&shrunk);
@@ -60,6 +62,8 @@ impl Response {
                 let fitted = &values * &slope;
                 for row in 0..count {
                     let column = turned.column(row);
+                    // Leave-one-out residuals (PRESS, Allen 1974). A robot that determines a slope alone has a lever
+                    // near 1; the bound keeps its residual finite.
                     let lever: f64 = column.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
                     left[(row, at)] =
                         (wanted[row] - fitted[row]) / (1.0 - lever - 1.0 / count as f64).max(0.1);
@@ -72,6 +76,7 @@ impl Response {
         let asked = DVector::from_fn(width, |at, _| estimate[at] / units[at] - said[at]);
         let solution = &inverse * asked;
         let scatter = left.transpose() * &left / count as f64;
+        // The scatter of estimates, carried back to the values by the inverse slopes.
         let covariance = &inverse * scatter * inverse.transpose();
         let answer = Answer {
             values: (0..width).map(|at| (solution[at] + middle[at]) * units[at]).collect(),
