@@ -140,6 +140,7 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
 
 /// Numbers of a row that [`Recorder::sense`] takes of a robot with this many actions.
 pub fn sensed_width(actions: usize) -> usize {
+    // Command 3; base: position 3, orientation 4, velocity 3, rates 3.
     2 * actions + 16
 }
 
@@ -194,6 +195,7 @@ impl Recorder {
         Self {
             logs: (0..count).map(|_| Collected { trajectory: empty(), fell: false }).collect(),
             shifts: (0..count as u32).map(shift).collect(),
+            // A log without rows could not be written.
             steps: (options.seconds / dt).round().max(1.0) as u32,
             dt,
             joints: task.walker.joints.clone(),
@@ -254,6 +256,7 @@ impl Recorder {
     /// Adds what followed in step number `step` of robot `index`: its action, the targets of all the model's joints (rad),
     /// and whether it fell. To be told of every step, for a log ends at the first fall.
     pub fn act(&mut self, index: usize, step: u32, action: &[f32], targets: &[f32], fell: bool) {
+        // Asked before the fall is noted: the step of the fall is the log's last row.
         let recorded = self.records(index, step);
         let Some(log) = self.logs.get_mut(index) else { return };
         log.fell |= fell;

@@ -71,6 +71,7 @@ fn tracking(task: &Task, tally: &Tally) -> Option<f64> {
     let tracking = rewards.filter(|((name, weight), _)| TRACKING.contains(name) && *weight > 0.0);
     let shares = tracking
         .map(|((_, weight), sum)| sum / f64::from(weight) / (tally.steps + tally.lost_steps).max(1.0));
+    // The reward that lags decides: ranges of speed and of yaw rate grow together.
     shares.min_by(f64::total_cmp)
 }
 

@@ -85,7 +85,7 @@ impl Default for TrainingSettings {
     }
 }
 
-/// Most steps that are propagated back through at once: they are kept for each robot.
+/// Max steps that are propagated back through at once: activations of every step are kept for each robot.
 const MAX_SEQUENCE: usize = 4096;
 /// Environments that one thread advances together.
 pub(crate) const TILE: usize = 256;
@@ -421,10 +421,12 @@ impl<'a> Training<'a> {
         let mut samples = Vec::with_capacity(self.runners.len());
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            // The learner takes all tiles as one slice. Samples are moved out and back, which copies nothing.
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
         let updated = self.learner.update(&mut samples, number, threads);
+        // Before a failed update is reported: recorders need their room in any case.
         for (runner, samples) in self.runners.iter_mut().zip(samples) {
             runner.get_mut().unwrap_or_else(PoisonError::into_inner).recorder.samples = samples;
         }

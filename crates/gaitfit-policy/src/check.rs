@@ -83,6 +83,7 @@ impl Policy {
 /// A network's sizes and numbers.
 fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
     network.shape.check()?;
+    // Sizes come from files: their product may overflow.
     let expected = checked_parameters(network)
         .filter(|&count| count <= MAX_PARAMETERS)
         .ok_or_else(|| invalid(format!("the {name} has more than {MAX_PARAMETERS} parameters")))?;

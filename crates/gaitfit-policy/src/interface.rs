@@ -307,6 +307,7 @@ impl Interface {
             // It is found in the row before, as that row's last action.
             let is_last = |term: &Term| term.quantity == Quantity::LastAction;
             let mut last = terms.iter().filter(|term| is_last(term));
+            // The earlier action is divided by the factor of the last one, which must not be 0.
             let has_last = last.next().is_some_and(|last| !last.scale.contains(&0.0));
             if term.quantity == Quantity::EarlierAction && !(has_last && last.next().is_none()) {
                 return Err(InterfaceError(format!(

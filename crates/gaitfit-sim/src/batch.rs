@@ -109,6 +109,7 @@ impl Batch {
     /// Such a robot.
     pub fn check_imu_delay(&self, robots: &[Params<f64>]) -> Result<(), SimError> {
         let delay = robots.iter().fold(0.0f64, |max, robot| max.max(robot.robot.imu_delay));
+        // 1e-9 accepts a delay of exactly two periods that rounding made longer.
         if delay <= IMU_PERIODS as f64 * self.options.control_dt * (1.0 + 1e-9) {
             return Ok(());
         }

@@ -108,6 +108,7 @@ impl Replay {
             check(recording, model.joints.len(), dt).map_err(|what| SimError::Recording { index, what })?;
         }
         let settings = Settings {
+            // All recordings share one compiled robot, and its step has the period of the first one.
             timestep: dt / options.substeps as f64,
             cone: Cone::Pyramidal,
             damping: Damping::Folded,

@@ -50,6 +50,7 @@ const STUDENT: [f64; 30] = [
 
 /// 97.5 % point of Student's t; of none, that with one degree of freedom.
 pub fn student_t_95(degrees: usize) -> f64 {
+    // Beyond the table the normal distribution's point is at most 4 % too small (2.040 at 31 degrees).
     STUDENT.get(degrees.saturating_sub(1)).copied().unwrap_or(1.96)
 }
 

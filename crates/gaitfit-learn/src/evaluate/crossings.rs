@@ -161,6 +161,7 @@ impl<'a> CrossingRecorder<'a> {
             if ended == Ended::Diverged {
                 continue;
             }
+            // A place that is not finite cannot be measured, so a diverged robot left above.
             let middle = self.course.middle(crossing.cell);
             crossing.distance = (x - self.starts[index][0]).hypot(y - self.starts[index][1]);
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
@@ -207,6 +208,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             let column =
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
+            // A robot that took no step has gone 0 m in 0 s: its speed is 0.
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
             summaries.push(CrossingSummary {
                 kind,

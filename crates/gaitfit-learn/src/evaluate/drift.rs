@@ -168,7 +168,8 @@ impl DriftRecorder {
         self.steps[2]
     }
 
-    /// Steps between two changes of the command are multiples of this.
+    /// Returns the largest number of steps that divides the times at which the command changes. A GPU runs
+    /// this many steps at a time and looks at the command in between.
     pub fn steady(&self) -> u32 {
         let [begin, end, last] = self.steps;
         (1..=begin.max(1))

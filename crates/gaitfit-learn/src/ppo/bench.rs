@@ -55,6 +55,7 @@ pub fn synthetic(
         normals(1, &mut samples.critic_observation);
         normals(2, &mut samples.action);
         normals(3, &mut samples.reward);
+        // Step numbers keep the arrays' draws apart.
         normals(4, &mut samples.last_value);
         [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
         let [mut actor, mut critic] = learner.blank_memories(environments);

@@ -85,6 +85,7 @@ impl Recorder {
         let range = |width: usize| rows.start * width..rows.end * width;
         let samples = &mut self.samples;
         let [actor_memory, critic_memory] = &mut self.memories;
+        // The update computes the rollout again from here; later memories follow from the observations.
         if self.step == 0 {
             samples.actor_memory.clone_from(actor_memory);
             samples.critic_memory.clone_from(critic_memory);
@@ -120,6 +121,7 @@ impl Recorder {
         for (done, end) in self.samples.done[rows.clone()].iter_mut().zip(ends) {
             *done = if *end == End::No { 0.0 } else { 1.0 };
         }
+        // Without an episode that was cut off the critic need not run.
         if ends.contains(&End::Truncated) {
             self.foresee(learner, observe_critic);
             let gamma = learner.settings().gamma as f32;
@@ -204,6 +206,7 @@ impl Recorder {
         self.critic_rows.resize(environments * widths.critic_observation, 0.0);
         observe_critic(&mut self.critic_rows);
         self.values.resize(environments, 0.0);
+        // A copy, because looking ahead must not advance the memory.
         let mut memory = self.memories[1].clone();
         learner.values_with(
             environments,

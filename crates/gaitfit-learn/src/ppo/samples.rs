@@ -176,6 +176,7 @@ impl Samples {
         let memories = [("actor_memory", &self.actor_memory), ("critic_memory", &self.critic_memory)];
         for ((array, memory), shape) in memories.into_iter().zip(shapes) {
             let (found, expected) = (memory.width(), shape.map_or(0, |shape| shape.remembered()));
+            // A memory without recurrent layers has no rows to count.
             let environments = memory.environments().unwrap_or(self.environments);
             if found != expected || environments != self.environments {
                 return Err(SamplesError::Memory { tile, array, expected, found });
@@ -213,7 +214,8 @@ impl Samples {
             if found != expected {
                 return Err(SamplesError::Size { tile, array, steps, environments, expected, found });
             }
-            // The greatest exponent is found by whole vectors, the place only if there is need to.
+            // Bits of positive floats are ordered as the floats are, and infinity and NaN are above all
+            // others. The maximum is one loop of vectors; the place is looked for only if something is wrong.
             let greatest = values.iter().fold(0, |greatest: u32, x| greatest.max(x.abs().to_bits()));
             if greatest < f32::INFINITY.to_bits() {
                 continue;

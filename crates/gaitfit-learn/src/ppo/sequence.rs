@@ -14,7 +14,8 @@ use gaitfit_policy::network::{
     Memory, RecurrentWeights, Scalar, SequenceTape, Sequences, Shape, Tape, Weights,
 };
 
-/// Rows that pass forward and back together; those of one environment, where they are more.
+/// Rows that pass forward and back together, a row a step of an environment. One environment passes as a
+/// whole, even if it has more.
 const ROWS: usize = 1024;
 
 /// Steps and environments of a group.

@@ -175,6 +175,8 @@ impl Settings {
         let require = |fine: bool, name: &'static str, value: String, remedy: &'static str| {
             if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
         };
+        // The update computes with these numbers in `f32`, which holds 1e-38 to 3e38: their products must fit
+        // too.
         let positive = |name, x: f64| {
             require(x > 1e-30 && x < 1e30, name, format!("{x:?}"), "give a number above 1e-30 and below 1e30")
         };

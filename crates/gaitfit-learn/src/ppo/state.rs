@@ -121,6 +121,7 @@ impl Learner {
             ("critic_normaliser", &self.critic_normaliser, &scalars.critic_normaliser),
         ] {
             let widths = |n: &Option<Normaliser>| n.as_ref().map(|n| (n.mean.len(), n.variance.len()));
+            // All checks come before the first change, so that a refused state leaves the learner whole.
             if widths(mine) != widths(theirs) {
                 return Err(StateError::Normaliser(name));
             }

@@ -162,6 +162,7 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         terrain.check()?;
     }
     let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // A direction that is written with three decimals has this length to 1e-3.
     if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
         return refuse("posture", "is not a direction of length 1".to_owned());
     }
@@ -197,6 +198,8 @@ fn check_positive(settings: &TaskSettings) -> Result<(), TaskError> {
 /// The physics steps, and the control period.
 fn check_steps(settings: &TaskSettings) -> Result<(), TaskError> {
     if let Some(step) = settings.robot_timestep {
+        // Readings are (h − step) / 2 later than the velocities of a simulation with step h: here half a step
+        // earlier.
         let max = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
         if !(0.0..=max).contains(&step) {
             let what =

@@ -287,6 +287,7 @@ impl<'a> Environment<'a> {
             for index in 0..self.count() {
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
+                    // The observation that shows the new command belongs to the next step.
                     self.command[index] = self.drawn(number, step + 1);
                 }
             }
@@ -317,6 +318,7 @@ impl<'a> Environment<'a> {
         for index in 0..self.count() {
             let number = self.first + index as u32;
             // Robots are pushed at different times.
+            // An episode's first period begins as the start's settings say, without a push.
             let due = step.wrapping_add(number.wrapping_mul(7)).is_multiple_of(period);
             if due && self.steps[index] > 0 {
                 let stream = Stream::new(self.seed, Purpose::PUSH).environment(number).step(step);

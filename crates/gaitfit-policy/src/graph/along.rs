@@ -89,6 +89,7 @@ impl Along {
         };
         match self {
             Self::Softmax | Self::LogSoftmax => {
+                // Less the largest, no exponential overflows.
                 let largest = run.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let log = sum(&run.iter().map(|x| x - largest).collect::<Vec<_>>(), f64::exp).ln() + largest;
                 change(run, log, 1.0);

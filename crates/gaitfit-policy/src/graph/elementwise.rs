@@ -65,6 +65,7 @@ impl Function {
             Self::Softsign => each(numbers, |x| x / (1.0 + x.abs())),
             Self::Sin => each(numbers, f32::sin),
             Self::Cos => each(numbers, f32::cos),
+            // `signum` of 0 is 1 in Rust.
             Self::Sign => each(numbers, |x| if x == 0.0 { 0.0 } else { x.signum() }),
             Self::Floor => each(numbers, f32::floor),
             Self::Not => each(numbers, |x| f32::from(u8::from(x == 0.0))),
@@ -79,6 +80,7 @@ impl Function {
 
 /// ln(1 + eˣ).
 fn softplus(x: f32) -> f32 {
+    // Written so that no large x overflows: for x > 0 it is x + ln(1 + e⁻ˣ).
     x.max(0.0) + (-x.abs()).exp().ln_1p()
 }
 
@@ -161,6 +163,7 @@ impl Binary {
             // A NaN stays one, as in ONNX.
             Self::Max => each(out, a, b, |a, b| if a > b || a.is_nan() { a } else { b }),
             Self::Min => each(out, a, b, |a, b| if a < b || a.is_nan() { a } else { b }),
+            // A product is exact where a power is not.
             Self::Pow => each(out, a, b, |a, b| if b == 2.0 { a * a } else { a.powf(b) }),
             Self::PRelu => each(out, a, b, |a, b| if a > 0.0 { a } else { a * b }),
             Self::Equal => each(out, a, b, |a, b| truth(a == b)),

@@ -220,6 +220,7 @@ impl Graph {
         let plan = &*self.plan;
         actions.clear();
         let mut values = std::mem::take(scratch.values());
+        // Never fewer than before: policies of several graphs share the thread's lists.
         values.resize_with(plan.counts.len().max(values.len()), Vec::new);
         for first in (0..rows).step_by(TILE) {
             let rows = TILE.min(rows - first);
@@ -239,6 +240,7 @@ impl Graph {
             }
             plan.copy(plan.actions, rows, &values, actions);
             for (number, one) in plan.carried.iter().enumerate() {
+                // All outputs were computed from the old memory, so now each part of it may be replaced.
                 let mut new = Vec::with_capacity(rows * one.count);
                 plan.copy(one.from, rows, &values, &mut new);
                 memory.of_kind(number)[first * one.count..(first + rows) * one.count].copy_from_slice(&new);
@@ -288,6 +290,7 @@ impl Plan {
         out.clear();
         out.resize(rows * count, 0.0);
         {
+            // The output was taken out of the list, so that inputs can be borrowed while it is written.
             let values = &*values;
             let input = |number: usize| self.numbers(step.inputs[number], values);
             match &step.operator {

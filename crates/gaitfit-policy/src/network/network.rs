@@ -70,6 +70,7 @@ impl Network {
     pub fn identity(width: usize) -> Result<Self, ShapeError> {
         let shape = Shape { inputs: width, hidden: Vec::new(), outputs: width, activation: Activation::Elu };
         let mut parameters = vec![0.0; shape.parameters()];
+        // The diagonal of the weight; biases behind it stay 0.
         (0..width).for_each(|number| parameters[number * (width + 1)] = 1.0);
         Self::new(shape, &parameters)
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Added to the variance, so that a quantity that never moved is not blown up.
+/// Added to the variance, so that a quantity that never moved is not blown up: factors are at most 10.
 const EPSILON: f64 = 1e-2;
 
 /// Mean and variance of every element of an observation, over all rows seen so far.

@@ -169,6 +169,8 @@ impl<T: Scalar> SequenceTape<T> {
                 span.parts.each_ref().map(|range| &weights.parameters[range.clone()]);
             let x = below.last().map_or(input, |layer| &layer.output);
             let x = Matrix::row_major(x, rows, span.inputs);
+            // The inputs of all steps are known, so they are multiplied at once. Only outputs go step by
+            // step.
             matmul::multiply(&mut layer.gates, x, Matrix::row_major(weight_ih, span.inputs, wide), false);
             for step in 0..steps {
                 let begins = &begins[step * robots..(step + 1) * robots];
@@ -226,6 +228,8 @@ impl<T: Scalar> SequenceTape<T> {
                 let range = |width: usize| step * robots * width..(step + 1) * robots * width;
                 let states = range(hidden);
                 let cells = if cell == Cell::Lstm { states.clone() } else { 0..0 };
+                // Derivative by this step's output: through later steps, and through what stands behind the
+                // layers.
                 lanes::add(&mut self.of_state, &self.derivative[states.clone()]);
                 let back = Back {
                     gates: &mut layer.gates[range(wide)],
@@ -238,6 +242,7 @@ impl<T: Scalar> SequenceTape<T> {
                 };
                 back.take(cell, hidden);
                 let products = layer.of_products(cell);
+                // Through the weights to the output before; where an episode begins there is none.
                 let d = Matrix::row_major(&products[range(wide)], robots, wide);
                 let weight = Matrix::row_major(&weights.transposed[weight_hh.clone()], wide, hidden);
                 matmul::multiply(&mut self.of_state, d, weight, true);
@@ -251,6 +256,7 @@ impl<T: Scalar> SequenceTape<T> {
             let of_input = Matrix::row_major(&layer.gates, rows, wide);
             let products = layer.of_products(cell);
             let of_output = Matrix::row_major(products, rows, wide);
+            // Weights are the same at all steps: their derivatives are one product over all rows.
             matmul::multiply(&mut gradient[weight_ih.clone()], x.transposed(), of_input, true);
             matmul::multiply(&mut gradient[weight_hh], before.transposed(), of_output, true);
             lanes::add_column_sums(&mut gradient[bias_ih], &layer.gates);

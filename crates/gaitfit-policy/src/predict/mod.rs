@@ -148,9 +148,11 @@ impl<'a> Correction<'a> {
         let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
         let base = course.base(sample, self.imu.as_ref());
         if let Some(change) = course.legs.change(feet, motion, index, course, sample, base) {
+            // Height alone: on flat ground the place of the base along it changes nothing.
             place[2] += (self.feet_trust * change.height) as f32;
             (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
         }
+        // A diverged robot stays so: a correction would hide from the fit that the candidate is unstable.
         if !linear.iter().chain(&place).all(|x| x.is_finite()) {
             return None;
         }

@@ -49,6 +49,7 @@ impl TorqueNoise {
         step: u32,
         count: usize,
     ) -> &[f32] {
+        // Robots without noise draw nothing, which costs no time, and the step adds nothing to their torques.
         if (0..count).all(|environment| deviation(environment) <= 0.0) {
             return &[];
         }

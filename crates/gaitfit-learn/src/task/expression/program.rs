@@ -193,11 +193,14 @@ impl List {
         for (number, (work, _)) in self.steps.iter().enumerate() {
             work.sources().iter().for_each(|&row| last[row] = number);
         }
+        // Rows that are results are read after the last step, so their places are never free.
         values.iter().for_each(|&row| last[row] = usize::MAX);
         let mut rows: Vec<Row> = Vec::with_capacity(self.steps.len());
         let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
         let (mut sizes, mut steps) = (Vec::new(), Vec::with_capacity(self.steps.len()));
         for (number, (work, width)) in self.steps.iter().enumerate() {
+            // The place is taken before the places that this step reads are free: no step writes where it
+            // reads.
             let at = free.get_mut(width).and_then(Vec::pop).unwrap_or_else(|| {
                 sizes.push(width * LANES);
                 sizes.len() - 1
@@ -207,6 +210,8 @@ impl List {
             steps.push((work.renamed(|row| rows[row]), to));
             let mut done: Vec<usize> = work.sources().to_vec();
             done.sort_unstable();
+            // A step may read a row twice, as x · x does. Its place must be free only once, or two rows would
+            // get it.
             done.dedup();
             for row in done.into_iter().filter(|&row| last[row] == number) {
                 free.entry(rows[row].width).or_default().push(rows[row].at);

@@ -215,6 +215,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
 
     fn correct(&mut self, readings: &[(usize, Start)]) {
         let lead = self.shared.tree.settings().lead() as f32;
+        // Robots of one block are set together: each number of a block is stored and loaded once for all of
+        // them.
         for of_block in readings.chunk_by(|(one, _), (other, _)| one / T::LANES == other / T::LANES) {
             let state = &mut self.blocks[of_block[0].0 / T::LANES].state;
             let vectors = state.base_acceleration.map(|vector| vector.map(lanes));
@@ -269,6 +271,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         for index in 0..self.blocks.len() {
             let first = index * T::LANES;
             let kept = self.blocks[index].history.len() - joints;
+            // The history is newest first, so older targets move back by one row.
             self.blocks[index].history.copy_within(..kept, joints);
             for j in 0..joints {
                 let target = self.gather(targets, first, joints, j);
@@ -282,6 +285,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 }
             }
             let block = &mut self.blocks[index];
+            // Memory settles with the first target, because only now the target is known that the robot is
+            // taken to have held.
             if !block.memory.is_empty() && block.fresh.contains(&true) {
                 settle(&self.shared.modifications, &block.params, &block.state, &mut self.settled);
             }
