@@ -322,6 +322,7 @@ impl Description {
         let mut tensors = Tensors::parse(bytes)?;
         let epsilon = self.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
         let kind = (activation, epsilon);
+        // A normaliser before a memory or an encoder is not one of the actor's first layer.
         let normaliser = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
         let mut actor = normalised(&mut tensors, &self.actor, kind, normaliser)?;
         actor.output = self.output_activation;

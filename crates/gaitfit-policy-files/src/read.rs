@@ -81,6 +81,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
         files.extend(others.into_iter().map(|file| folder(&graph).join(file)));
     }
     if let Some(beside) =
+        // The weights: the second file of a description, else the file itself.
         files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx"))
     {
         files.extend(foreign::unitree_file(beside));
@@ -195,6 +196,7 @@ fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
             {
                 return Err(inside(error));
             }
+            // What the description states wins over the file.
             entries.extend(given);
             Ok((Description::from_table(entries).map_err(inside)?, notes))
         }
@@ -218,6 +220,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, PolicyError> {
             return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
         }
         let mut bytes = Vec::new();
+        // One byte more than allowed tells a file that is too large, also one that grows while it is read.
         File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
         if bytes.len() as u64 > MAX_BYTES {
             return Err(Error::new(

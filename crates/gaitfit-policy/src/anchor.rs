@@ -76,7 +76,7 @@ impl Reference {
             ));
         };
         let moves = |body: usize| model.joints.iter().any(|joint| joint.body == body);
-        // A body fixed to the last joint's body turns with it: its orientation differs by a constant at most.
+        // A body that is fixed to the last joint's body moves with it.
         if named == body || (!moves(named) && links(model, named, body).is_some()) {
             return Ok(());
         }

@@ -231,7 +231,7 @@ impl Follower {
     fn about(&self, time: f64) -> ([usize; 2], f64, bool) {
         let last = self.reference.samples(self.joints).saturating_sub(1);
         let place = time * self.reference.rate_hz;
-        // Without rounding, a time just after the last sample would stop the motion one period early.
+        // Without this, a time that is rounded up would be after the last sample, where the velocity is 0.
         let near = place.round();
         let place = if (place - near).abs() < SAME { near } else { place };
         let moves = place >= 0.0 && place <= last as f64;

@@ -103,6 +103,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
     let joints = interface.joints.len();
     let layout = Layout::new(interface, &interface.observation);
     let single = |values: &[f64]| array(&values.iter().map(|&value| value as f32).collect::<Vec<_>>());
+    // No number is written for infinity.
     let clip = |joint| interface.clip(joint).min(f64::from(f32::MAX)) as f32;
     let held = |held: &gaitfit_policy::Held| Held {
         joint: string(&held.joint),

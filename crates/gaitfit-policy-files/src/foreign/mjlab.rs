@@ -177,6 +177,7 @@ impl Terms {
         }
         let per_frame: usize =
             self.quantities.iter().map(|(_, quantity)| quantity.width(entries.outputs)).sum();
+        // Before mjlab 1.6 nothing states the history: the network's width does.
         let length = inputs.checked_div(per_frame).unwrap_or(0);
         Ok((vec![length; self.quantities.len()], length > 1))
     }

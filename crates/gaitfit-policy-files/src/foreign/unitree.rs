@@ -178,6 +178,7 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     let pose = &deploy.default_joint_pos;
     // The program adds nothing where it is null.
     let offset = action.offset.as_ref().unwrap_or(&Numbers::One(0.0)).spread(count);
+    // Both are written from the same numbers; YAML may round them.
     let apart = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-6;
     if offset.len() != pose.len() || offset.iter().zip(pose).any(apart) {
         return Err(invalid(

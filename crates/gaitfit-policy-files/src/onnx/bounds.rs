@@ -31,6 +31,7 @@ impl Bounds {
                 return Err(misfit("its constant is not of as many numbers as the layer before it gives"));
             };
             *bound = bound.map(|limit| factor * limit + offset);
+            // A negative factor exchanges the bounds.
             bound.sort_by(f64::total_cmp);
         }
         Ok(())

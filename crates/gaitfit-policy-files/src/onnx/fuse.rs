@@ -36,6 +36,7 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
             all.producer.insert(output, index);
         }
     }
+    // Formulas have single numbers only. Weights are not copied.
     let scalars = constants.iter().filter(|(_, constant)| constant.values.len() <= 1);
     all.constants.extend(scalars.map(|(name, constant)| (name.clone(), constant.clone())));
     for node in nodes.iter().filter(|node| node.op_type == "Constant") {
@@ -54,7 +55,8 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
         fused.extend(one.map(|one| (index, one)));
     }
     let inner: HashSet<usize> = fused.values().flat_map(|one| one.inner.iter().copied()).collect();
-    // An inner node stays if something outside needs it.
+    // An inner node stays if something outside needs it. Backwards, everything that reads a node is known
+    // before the node is judged.
     let mut needed: HashSet<&str> = outputs.iter().map(String::as_str).collect();
     for (index, node) in nodes.iter().enumerate().rev() {
         let gone = inner.contains(&index) && !node.output.iter().any(|name| needed.contains(name.as_str()));
@@ -135,6 +137,7 @@ impl Nodes<'_> {
                 names.push(name.clone());
             }
         }
+        // No formula here has more than three factors: x · x · x in GELU's cube.
         (names.len() <= 3).then_some((names, number))
     }
 

@@ -143,6 +143,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             "its graph does not have exactly one input: only policies of one observation are read",
         ));
     }
+    // Behind a memory the further outputs are the states.
     let (Some(output), true) = (model.outputs.first(), model.outputs.len() == 1 || remembers) else {
         return Err(invalid(format!("its graph has {} outputs; a policy has one", model.outputs.len())));
     };
@@ -228,6 +229,7 @@ impl Walk {
             return Err(misfit(format!("it has more than {MAX_PARTS} inputs or attributes")));
         }
         let output = node.output.first().ok_or(misfit("it has no output"))?.clone();
+        // A name that is given twice would leave open which value later nodes take.
         if output == self.head || self.constants.contains_key(&output) {
             return Err(misfit("its output has a name that is taken"));
         }
@@ -241,6 +243,8 @@ impl Walk {
         if self.remembers(node) {
             return Ok(());
         }
+        // A part that no action needs may be computed by operators that are not read, such as a standard
+        // deviation.
         if self.parts.is_unneeded(node) {
             return Ok(());
         }

@@ -7,7 +7,8 @@ use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;
 use std::path::Path;
 
-/// Numbers of the terms below that do not depend on the joints, and terms of joints.
+/// Numbers of the terms below that do not depend on the joints (three each of rates, gravity and command),
+/// and terms of joints (positions, velocities, last action).
 const TERMS: [usize; 2] = [9, 3];
 
 /// What is missing in a file that says nothing of joints, gains and observation, with the description to write.

@@ -131,6 +131,7 @@ pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, NodeEr
     if !(direction.is_empty() || direction == b"forward")
         || attributes.integer("layout", 0) != 0
         || attributes.integer("input_forget", 0) != 0
+        // PyTorch's reset gate acts behind the product with the last output; ONNX's default is before it.
         || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
     {
         return Err(unread("only forward layers as PyTorch exports them are read"));
@@ -175,6 +176,7 @@ pub(super) fn layer_of(
     };
     let (wide, inputs, weight_ih) = matrix(w)?;
     let (_, hidden, weight_hh) = matrix(r)?;
+    // ONNX has both biases in one constant: that of the input's product, then that of the output's.
     let biases = match (b, constant(b)) {
         (None, _) => vec![0.0; 2 * wide],
         (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),

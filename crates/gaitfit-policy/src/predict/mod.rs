@@ -152,7 +152,7 @@ impl<'a> Correction<'a> {
             place[2] += (self.feet_trust * change.height) as f32;
             (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
         }
-        // A diverged robot stays so: a correction would hide from the fit that the candidate is unstable.
+        // A diverged robot is left as it is, so that the fit sees it.
         if !linear.iter().chain(&place).all(|x| x.is_finite()) {
             return None;
         }

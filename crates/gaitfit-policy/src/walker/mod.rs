@@ -111,7 +111,6 @@ impl Walker {
         for (index, &joint) in joints.iter().enumerate() {
             action_scale[joint] = interface.action_scale[index] as f32;
         }
-        // No limit is the largest `f32`: an infinite clip times a scale of 0 would be NaN.
         let clip = |index| interface.clip(index).min(f64::from(f32::MAX)) as f32;
         let action_clip = (0..joints.len()).map(clip).collect();
         let other_joints = (0..model.joints.len()).filter(|joint| !joints.contains(joint)).collect();
@@ -125,7 +124,7 @@ impl Walker {
             critic_observation: Layout::new(&interface, &interface.critic_observation),
             interface,
             batch,
-            // A walker steps one tile at a time. Threads share tiles, so that each of them needs one thread.
+            // Its threads are for replays; a tile is advanced by the thread that calls it.
             engine: Box::new(Cpu { threads: 1 }),
             joints,
             default_pose,

@@ -39,6 +39,7 @@ pub struct Comparison {
 
 /// Compares two evaluations of the same place.
 pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Comparison {
+    // Draws are functions of seed and number, so equal settings give equal trajectories one by one.
     let same = policy.seed == against.seed
         && policy.seconds == against.seconds
         && policy.drawn == against.drawn
@@ -59,6 +60,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let difference = |value: fn(&[f64; 3]) -> f64| {
         estimate(&both.iter().map(|(one, other)| value(one) - value(other)).collect::<Vec<_>>())
     };
+    // A trajectory that diverged has no errors, and is a fall.
     let fell = |errors: &TrajectoryErrors| errors.map_or(1.0, |[_, _, fell]| fell);
     let falls: Vec<f64> = pairs().map(|(one, other)| fell(one) - fell(other)).collect();
     let mut fall_rate = estimate(&falls);
@@ -85,6 +87,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
 fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let difference = |one: Estimate, other: Estimate| Estimate {
         mean: one.mean - other.mean,
+        // Variances of independent means add.
         ci95: one.ci95.hypot(other.ci95),
     };
     let linear = difference(policy.linear_velocity_error, against.linear_velocity_error);

@@ -228,6 +228,7 @@ impl OnGround {
         let Some(first) = self.results.first() else { return Cell::default() };
         let mut level = 0;
         for result in self.results.iter().take_while(|result| result.ground == first.ground) {
+            // Levels grow harder, so the first that fails ends the search.
             if result.crossed.mean < 0.5 {
                 break;
             }

@@ -213,6 +213,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let trials_of_drift = trials_of_drift?;
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
+    // The robot settles for a second, then walks ahead at half of its greatest command.
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
     let walked = limits.x[1] > 0.0 && !record.fell && !follows;
     let summary = summarise(&trials);
@@ -269,6 +270,7 @@ fn drawn(world: &World, trials: &[Trial]) -> String {
     // Settings are plain numbers and texts; what cannot be written is no setting.
     let settings = serde_json::to_string(&(start, noise, randomisation, push, terrain)).unwrap_or_default();
     sum.update(settings);
+    // 64 bits tell evaluations apart, and keep documents short.
     sum.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
@@ -308,6 +310,7 @@ impl DriftResult {
             error: [self.x.mean, self.y.mean, self.yaw.mean],
             ci95: [self.x, self.y, self.yaw].map(|estimate| estimate.ci95),
             path: self.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
+            // The command of a trial lasts 4 s.
             intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
         }
     }

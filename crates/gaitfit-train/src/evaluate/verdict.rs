@@ -38,6 +38,7 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
     // Those that diverge count as falls.
     let or_not = if evaluation.diverged > 0 { " or diverge" } else { "" };
     let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
+    // Falls are judged first: a robot that falls has errors of a part of its walk only.
     if falls > FEW_FALLS {
         let does = if evaluation.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);

@@ -309,6 +309,7 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
             shown_number(asked)
         )));
     }
+    // The policy's own interface decides it; the configuration does not repeat it.
     whole.remove("policy");
     *changes = whole;
     Ok(settings)

@@ -124,6 +124,7 @@ impl SeedResult {
         let of_episodes = |value: fn(&Metric) -> Option<f64>| {
             let sum =
                 last.iter().filter_map(|metric| Some(value(metric)? * metric.episodes as f64)).sum::<f64>();
+            // Iterations count by their episodes: in some of them few robots end one.
             (episodes > 0.0).then(|| sum / episodes)
         };
         let mut speeds: Vec<f64> = metrics.iter().map(|metric| metric.times.samples_per_second).collect();

@@ -161,6 +161,7 @@ impl Session<'_> {
             Work { what: &what, total, first: first as usize, parts: "samples", seed: Some(self.seed) };
         let counting = self.watch.begin(work);
         let every = Duration::try_from_secs_f64(self.setup.plan.checkpoint_seconds).unwrap_or(Duration::MAX);
+        // When and at which iteration the last checkpoint was written.
         let mut saved = (Instant::now(), first);
         while !self.finished() {
             let iteration = match &mut self.trainer {

@@ -112,6 +112,7 @@ pub fn setup(
     if let Some(cone) = config.cone {
         model.options.cone = cone;
         if cone == Cone::Pyramidal {
+            // A file's large `impratio` is meant for its elliptic cones, and scales pyramidal edges too.
             model.options.impratio = 1.0;
         }
     }
