@@ -87,6 +87,7 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
         let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
         let elements = || document.descendants().filter(roxmltree::Node::is_element);
         for compiler in elements().filter(|one| one.has_tag_name("compiler")) {
+            // MuJoCo looks for height fields where it looks for meshes.
             let named = ["assetdir", "meshdir"].into_iter().filter_map(|name| compiler.attribute(name));
             folders.extend(named.map(|folder| home.join(folder)));
         }

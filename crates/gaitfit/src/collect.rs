@@ -301,6 +301,7 @@ fn play(
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
         // What is missing was not simulated: the watch stopped it.
         let (log, fell_at) = one?;
+        // A robot that fell before its log began leaves an empty one.
         let end = fell_at.unwrap_or(log.len()).max(shift(number));
         let trajectory = log.slice(shift(number)..end).ok()?;
         let time = (0..trajectory.len()).map(|sample| sample as f64 * dt).collect();

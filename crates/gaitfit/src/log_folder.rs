@@ -86,6 +86,7 @@ impl LogWriter {
     /// A file that cannot be moved. None is left then.
     pub fn finish(self) -> Result<Written, Error> {
         let mut put = std::mem::take(&mut *self.put.lock().unwrap_or_else(PoisonError::into_inner));
+        // Threads put logs in any order.
         put.sort_unstable();
         let mut files = Vec::with_capacity(put.len());
         for (number, ..) in put.iter().filter(|(_, has_rows, _)| *has_rows) {
@@ -135,7 +136,10 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
         .tempdir_in(parent)
         .map_err(unwritable)?
         .keep();
+    // After a failure the folder stays: a program that outlived its caller may still write there. The next
+    // attempt removes it.
     fill(&partial)?;
+    // Contents reach the disk before the name does: after a power cut, a folder of this name is whole.
     for entry in fs::read_dir(&partial).map_err(unwritable)? {
         let entry = entry.map_err(unwritable)?;
         // Opening anything else might wait for ever.

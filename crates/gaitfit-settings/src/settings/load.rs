@@ -46,6 +46,7 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
                 line_and_column(text, place)
             )));
         }
+        // Read once for the file and once after every `--set`, so that an error names the one that is wrong.
         understand::<C>(table.clone()).map_err(located)?;
     }
     for (set, (key, line)) in sets.iter().zip(&values) {
@@ -213,6 +214,7 @@ fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'
 
 /// The TOML value of a line `value = …`; what is none is taken as a plain string.
 fn parse_value(line: &str) -> DeValue<'_> {
+    // Shells remove quotes, so a path or name need not have any.
     let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
         Some(value) => value.into_inner(),

@@ -422,6 +422,7 @@ impl Default for OptimizerConfig {
         Self {
             method: Method::Auto,
             population: 0,
+            // As in the paper (Dao and Fern).
             generations: 200,
             restarts: 0,
             seeds: 5,

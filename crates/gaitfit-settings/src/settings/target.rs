@@ -124,6 +124,7 @@ pub struct TrueNumber {
     pub value: f64,
 }
 
+/// As many and as long as in the paper's tables (Dao and Fern).
 fn trajectories() -> usize {
     64
 }

@@ -69,6 +69,7 @@ pub fn run(
 ) -> Result<(), Error> {
     let Some(first) = policies.first() else { return Ok(()) };
     for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref(), round)? {
+        // As many iterations in all as the loop's policy had in its rounds.
         let robot = TrainingRobot { times: u32::try_from(trainings).unwrap_or(u32::MAX), ..robot };
         let (_, _, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
         let policy = stages.keep(name, folder, &bytes)?;

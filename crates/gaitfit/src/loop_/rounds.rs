@@ -112,6 +112,7 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
     let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
     let controls = controls::count(setup, target) + usize::from(walks_last(setup));
+    // Logs that are given need no stage in the first round.
     rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference + chosen + controls
 }
 
@@ -233,6 +234,7 @@ pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
         // Later numbers win, as in the file.
         let known = parameter.iter().rev().find(|one| one.kind == entry.kind && covers(&one.joints));
         if let Some(known) = known {
+            // Values that the configuration states win.
             config.truth.entry(entry.name.clone()).or_insert(known.value);
         }
     }
@@ -255,6 +257,7 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
     let fitted = |round: &RoundResult| round.adapt.fits.first().map(|fit| fit.cost);
     let nominal = last.adapt.fits.first().and_then(|fit| fit.nominal_cost);
     let earlier =
+        // The first round is compared with the robot before its fit.
         rounds.len().checked_sub(2).and_then(|index| rounds.get(index)).and_then(fitted).or(nominal);
     match (earlier, fitted(last)) {
         (Some(before), Some(after)) => {
@@ -303,6 +306,7 @@ fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
         measured(evaluations, &policies[*number].name).map_or(f64::INFINITY, results::tracking_error)
     };
     let trained = usize::from(policies.len() > 1)..policies.len();
+    // The first policy is no result of the loop. Backwards, because of equal errors the later policy counts.
     trained.rev().min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or_default()
 }
 
@@ -366,6 +370,7 @@ fn warnings(
             doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
         warnings.extend(said);
     }
+    // First what is said of the fits; what their logs showed before any fit comes last.
     for of_logs in [false, true] {
         for (round, fit) in rounds.iter().zip(fits) {
             let about = round.adapt.warnings.iter().filter(|one| fit.warnings.contains(one) == of_logs);

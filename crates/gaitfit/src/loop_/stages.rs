@@ -106,6 +106,7 @@ impl<'a> Stages<'a> {
     pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<PathBuf, Error> {
         self.pause()?;
         let folder = self.path(name);
+        // A folder of logs has all of them or does not exist, so one that exists is not recorded again.
         if let (false, Some(target)) = (folder.is_dir(), &self.target) {
             self.announce(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
             let begun = Instant::now();
@@ -136,6 +137,7 @@ impl<'a> Stages<'a> {
         let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
         let path = self.path(&file);
         let opening = adapt::Opening::new(config, &path).threads(threads).devices(devices);
+        // An interruption comes before errors: reading that was stopped is no fault of the files.
         let setup = opening.watch(self.watch).open();
         self.stopped()?;
         let mut setup = setup.map_err(|error| {
@@ -181,6 +183,7 @@ impl<'a> Stages<'a> {
         let file = format!("{round}/finetune.toml");
         self.folder.make(round)?;
         let settings = &self.setup.config.finetune;
+        // What the settings of the training state wins over what the fit settles.
         let mut task = settled::without_draws(changed(settings.task.clone(), &robot.task), &robot.settled);
         // The policy is trained where the robot was fitted.
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
@@ -291,6 +294,7 @@ impl<'a> Stages<'a> {
         policy: &PolicyFiles,
         plan: Plan,
     ) -> Result<Option<Evaluation>, Error> {
+        // Taken out for the call, which borrows all of the stages.
         let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
         let watch = self.watch;
         let what = format!("{} on the target, {}", policy.name, target.description());

@@ -140,6 +140,7 @@ impl SeedFit {
             errors_percent: shown
                 .iter()
                 .filter_map(|one| {
+                    // A share of 0 means nothing.
                     let truth = one.truth.filter(|truth| *truth != 0.0)?;
                     Some((one.found.name.clone(), error(one.found.value, truth)))
                 })

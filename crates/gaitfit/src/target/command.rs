@@ -133,6 +133,7 @@ impl Command {
         );
         let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
         let mut evaluation: Evaluation = serde_json::from_slice(&out).map_err(|error| {
+            // A character has up to four bytes.
             let start = String::from_utf8_lossy(&out[..out.len().min(4 * MAX_SHOWN)]);
             let problem = format!(
                 "it printed no document such as `gaitfit evaluate --json` does: {error}. It begins: {}",

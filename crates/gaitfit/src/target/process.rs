@@ -97,6 +97,7 @@ impl Program<'_> {
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut group = Group::start(&mut command).map_err(ProcessError::Start)?;
+        // Bounded, so that a program that prints faster than this reads waits instead of filling the memory.
         let (sender, receiver) = sync_channel(64);
         // These threads end with their pipes. A process that outlives its group may hold one: it is not waited for.
         if let Some(out) = group.child.stdout.take() {
@@ -110,6 +111,7 @@ impl Program<'_> {
         let status = self.wait(&mut group, &mut said)?;
         let ended = Instant::now();
         while ended.elapsed() < GRACE && said.listen(LOOK) {}
+        // While it ends, its pipes are read: a program that cannot print does not end.
         group.end(PATIENCE, || said.take());
         while said.listen(Duration::ZERO) && ended.elapsed() < GRACE + PATIENCE {}
         if said.out.len() > MAX_BYTES {
