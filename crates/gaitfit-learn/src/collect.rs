@@ -117,7 +117,8 @@ fn collect_tile(
     Ok(recorder.finish())
 }
 
-/// What is there before an action of environment `index` of `task`, into `row`, as [`Recorder::sense`] takes it.
+/// Writes the state and command before an action of environment `index` of `task` into `row`, as
+/// [`Recorder::sense`] takes it.
 pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mut Vec<f32>) {
     let (motion, joints) = (environment.motion(), &task.walker.joints);
     let range = |values: &'_ [f32]| -> std::ops::Range<usize> {
@@ -158,7 +159,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Of the robots of the environments `first..first + count`.
+    /// A recorder for the robots of the environments `first..first + count`.
     pub fn new(subject: &Subject<'_>, options: &CollectOptions, first: u32, count: usize) -> Self {
         let Subject { task, seed, .. } = *subject;
         let interface = &task.walker.interface;

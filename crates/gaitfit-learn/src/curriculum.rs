@@ -44,7 +44,7 @@ impl Growth {
         Some(level.min(1.0))
     }
 
-    /// What commands are drawn from in iteration number `iteration`.
+    /// Returns the ranges of commands in iteration number `iteration`.
     pub fn ranges(&self, task: &Task, iteration: u32) -> [Interval; 3] {
         task.settings.command.ranges(self.level(task, iteration).unwrap_or(1.0))
     }

@@ -130,7 +130,7 @@ impl Description {
         })
     }
 
-    /// What the description says about the robot, with files relative to the present folder.
+    /// Returns the policy's interface, with files relative to the present folder.
     ///
     /// # Errors
     /// As [`Interface::check`]; a motion that cannot be read.
@@ -141,7 +141,7 @@ impl Description {
         })
     }
 
-    /// The same with files relative to `folder`, where the description lies.
+    /// Returns the policy's interface, with files relative to `folder`, where the description lies.
     ///
     /// # Errors
     /// As [`Description::interface`].
@@ -350,7 +350,7 @@ impl Description {
         Ok(Loaded { front, critic, log_std, ..Loaded::new(actor) })
     }
 
-    /// What stands before the actor.
+    /// Reads what stands before the actor.
     fn front(
         &self,
         tensors: &mut Tensors<'_>,
@@ -373,7 +373,7 @@ impl Description {
     }
 }
 
-/// What weights files hold.
+/// Contents of weights files.
 struct Loaded {
     front: Option<Front>,
     actor: Network,

@@ -4,7 +4,7 @@ use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Shape};
 
-/// Most layers of a network from a file.
+/// Max number of layers of a network from a file.
 pub(super) const MAX_LAYERS: usize = 64;
 
 /// One layer y = x W + b, with W `inputs × outputs`, row-major.

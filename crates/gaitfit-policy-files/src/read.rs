@@ -134,7 +134,7 @@ fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
     Ok(policy)
 }
 
-/// What another program says of an ONNX file, inside or beside it.
+/// Returns the description of an ONNX file by another program, inside or beside it.
 fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
     if let Some(known) = onnx::foreign(bytes, Some(folder(path)))? {
         return Ok(Some(known));
@@ -145,7 +145,7 @@ fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyEr
     foreign::unitree(&text).map(Some).map_err(inside)
 }
 
-/// What a weights file says of its interface, which a description then need not repeat.
+/// Returns the interface that a weights file states; a description need not repeat it.
 ///
 /// # Errors
 /// What another program says of it, if that is wrong.

@@ -158,7 +158,7 @@ impl Error {
         Self::Advised { source: Box::new(self), advice: advice.to_string() }
     }
 
-    /// Which kind of trouble it is.
+    /// Kind of the error.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Run(error) => error.kind(),
@@ -170,7 +170,7 @@ impl Error {
         }
     }
 
-    /// What a GPU does not do, if that is the error.
+    /// Names what a GPU does not do, if that is the error.
     pub fn refusal(&self) -> Option<&str> {
         match self {
             Self::Refused(reason) => Some(reason),

@@ -12,7 +12,7 @@ use gaitfit_random::{Purpose, Stream};
 
 use crate::{SimError, pool};
 
-/// Which contact geoms take part.
+/// Choice of the contact geoms that take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Geoms {
     /// Spheres at the ends of limbs only.
@@ -31,7 +31,7 @@ impl Geoms {
     }
 }
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct PhysicsBench {
     /// Solver effort.
@@ -48,7 +48,7 @@ pub struct PhysicsBench {
     pub repetitions: usize,
 }
 
-/// What was measured.
+/// Results of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.

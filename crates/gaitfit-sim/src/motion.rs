@@ -1,4 +1,4 @@
-//! What a batch of robots shows after a control period.
+//! Motion that a batch of robots reports after a control period.
 
 use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_physics::{IMU_READING, State};

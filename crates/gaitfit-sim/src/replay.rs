@@ -23,7 +23,7 @@ pub struct Recording {
     pub kd: Vec<f64>,
 }
 
-/// How a replay integrates.
+/// Settings of a replay's integration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayOptions {
     /// Physics steps per control period.
@@ -66,7 +66,7 @@ pub struct Direction {
     pub distance: f64,
 }
 
-/// Most samples of one recording.
+/// Max number of samples of one recording.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Longest actuation delay, s.
 const MAX_DELAY: f64 = 1.0;
@@ -131,7 +131,7 @@ impl Replay {
         &self.model
     }
 
-    /// How it integrates.
+    /// Settings of its integration.
     pub fn options(&self) -> &ReplayOptions {
         &self.options
     }

@@ -60,10 +60,10 @@ pub fn together<T: Send>(
     failure.map_or(Ok(outputs), Err)
 }
 
-/// What a cell says, with its name.
+/// Passes on the events of a cell, with the cell's name.
 struct Speaker<'a> {
     name: &'a str,
-    /// What is counted, how many there are, and when something was said of it.
+    /// Name of the counted items, their number, and the time of the last line about them.
     counted: Mutex<Option<(String, usize, Instant)>>,
 }
 

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// What was written.
+/// Logs that were written.
 pub struct Written {
     /// The logs.
     pub files: Vec<PathBuf>,
@@ -39,7 +39,7 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Of `count` trajectories, into a folder that exists.
+    /// A writer of `count` trajectories into a folder that exists.
     ///
     /// # Errors
     /// A folder that cannot be written.
@@ -72,7 +72,7 @@ impl LogWriter {
         Ok(())
     }
 
-    /// The same of all trajectories in their order.
+    /// Writes the logs of all trajectories in their order.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -115,7 +115,7 @@ fn remove_killed(parent: &Path, prefix: &str) -> std::io::Result<()> {
     Ok(())
 }
 
-/// How names of folders begin that are not whole yet.
+/// Beginning of the names of folders that are not whole yet.
 const WRITING: &str = ".writing-";
 
 /// Has `fill` fill a new folder beside `into`, which then takes that name: whoever finds it finds all of it. Each

@@ -134,7 +134,7 @@ pub struct CrossingRecorder<'a> {
 }
 
 impl<'a> CrossingRecorder<'a> {
-    /// Of the robots of `environment`, which have not moved yet; `None` on flat ground.
+    /// A recorder for the robots of `environment`, which have not moved yet; `None` on flat ground.
     pub fn new(environment: &Environment<'a>) -> Option<Self> {
         let task = environment.task();
         let cell = |index: usize| environment.cell(index).unwrap_or_default();

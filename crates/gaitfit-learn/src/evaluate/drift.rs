@@ -34,7 +34,7 @@ pub struct DriftTrial {
 /// Time of standing before and after the command, and of the command itself, s.
 const STAND: f64 = 1.0;
 const COMMAND: f64 = 4.0;
-/// How many commands there are.
+/// Number of commands.
 const TRIALS: usize = 7;
 
 /// Constant commands along ±x, ±y and ±yaw, and standing: stand, command for four seconds, stand (the paper's hardware
@@ -85,7 +85,7 @@ pub fn drift_environment<'a>(subject: &Subject<'a>, robots: usize) -> Result<Env
     Ok(environment)
 }
 
-/// How many control periods [`drift`] counts, summed over all commands and robots.
+/// Number of control periods that [`drift`] counts, summed over all commands and robots.
 pub fn drift_periods(task: &Task, robots: usize) -> usize {
     TRIALS * robots * periods(task, 2.0 * STAND + COMMAND) as usize
 }

@@ -11,7 +11,7 @@ use super::{Subject, power_spectrum};
 use crate::player::Player;
 use crate::task::{Cell, Ended, Environment, Foot, Task, TaskError};
 
-/// What one robot did, a row a control period.
+/// Motion of one robot, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaitRecord {
     /// Control period, s.
@@ -67,7 +67,7 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
     record_gait_on(subject, None, commands)
 }
 
-/// The same on a cell of generated ground.
+/// As [`record_gait`], on a cell of generated ground.
 ///
 /// # Errors
 /// As [`record_gait`].

@@ -1,4 +1,4 @@
-//! What an update reports, and why it stops.
+//! Numbers that an update reports, and reasons why it stops.
 
 use serde::{Deserialize, Serialize};
 

@@ -20,16 +20,16 @@ pub struct Learner {
     pub(super) gradients: Gradients,
 }
 
-/// Why there is no learner.
+/// Reasons why a learner cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LearnerError {
     /// A setting outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// A network that cannot be.
+    /// A network without a possible shape.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// A network that is for inference alone.
+    /// A network that can only be run, not trained.
     #[error(
         "the {what} has {why}, which is not trained here: policies with it are evaluated and fitted only"
     )]
@@ -193,7 +193,8 @@ impl Learner {
         self.critic_memory.as_ref()
     }
 
-    /// What the actor and the critic remember of `environments` whose episodes begin; empty without recurrent layers.
+    /// Memories of the actor and of the critic for `environments` whose episodes begin; empty without
+    /// recurrent layers.
     pub fn blank_memories(&self, environments: usize) -> [Memory; 2] {
         [&self.actor_memory, &self.critic_memory]
             .map(|memory| memory.as_ref().map_or_else(Memory::default, |memory| memory.memory(environments)))
@@ -234,7 +235,7 @@ impl Learner {
         self.values_with(rows, critic_observation, &mut memory, value, scratch);
     }
 
-    /// The same with what the critic remembers, as [`Learner::means_with`].
+    /// As [`Learner::values`], with the critic's memory, as [`Learner::means_with`].
     ///
     /// # Panics
     /// As there.

@@ -59,7 +59,7 @@ impl Gradients {
         self.prepare_pieces();
     }
 
-    /// The same for learners with a memory, of rollouts of up to `steps` steps.
+    /// As [`Self::prepare`], for learners with a memory and rollouts of up to `steps` steps.
     pub(super) fn prepare_sequences(
         &mut self,
         threads: usize,
@@ -120,7 +120,7 @@ impl Gradients {
         add_up(&mut self.workers, &self.pieces, &mut self.total)
     }
 
-    /// The same for learners with a memory: `places` are environments, of which all steps count.
+    /// As [`Self::compute`], for learners with a memory: `places` are environments, of which all steps count.
     pub(super) fn compute_sequences(
         &mut self,
         point: &Point<'_, f32>,

@@ -4,7 +4,7 @@ use gaitfit_policy::network::{Memory, Scratch};
 
 use super::{Exploration, Learner, Samples};
 
-/// How an episode stands after a step.
+/// State of an episode after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum End {
     /// It continues.
@@ -32,12 +32,12 @@ pub enum End {
 /// learner.update(&mut [recorder.samples], …)
 /// ```
 pub struct Recorder {
-    /// What is recorded: a plain batch, whole after [`Recorder::finish`].
+    /// The recorded batch; whole after [`Recorder::finish`].
     pub samples: Samples,
     exploration: Exploration,
     /// Step being recorded.
     step: usize,
-    /// What the actor and the critic remember of the environments; empty before the first step and without a memory.
+    /// Memories of the actor and of the critic; empty before the first step and without recurrent layers.
     memories: [Memory; 2],
     critic_rows: Vec<f32>,
     values: Vec<f32>,
@@ -142,7 +142,7 @@ impl Recorder {
         self.samples.last_value.copy_from_slice(&self.values);
     }
 
-    /// What the learner's actor and critic remember of the `environments`, for a file.
+    /// Memories of the learner's actor and critic for the `environments`, for a file.
     pub(crate) fn memories(&mut self, learner: &Learner, environments: usize) -> [Vec<f32>; 2] {
         self.remember(learner, environments);
         self.memories.each_ref().map(Memory::numbers)

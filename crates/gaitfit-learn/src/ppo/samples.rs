@@ -1,4 +1,4 @@
-//! What a rollout leaves for the learner.
+//! Samples of a rollout, from which the learner learns.
 
 use gaitfit_policy::network::{Memory, RecurrentShape};
 
@@ -44,9 +44,9 @@ pub struct Samples {
     pub advantage: Vec<f32>,
     /// Advantage + value, the critic's target; `steps × environments`.
     pub returns: Vec<f32>,
-    /// What the actor's recurrent layers remembered of each environment before the first step; empty without any.
+    /// Memory of the actor's recurrent layers before the first step, an environment each; empty without any.
     pub actor_memory: Memory,
-    /// The same of the critic's.
+    /// Memory of the critic's recurrent layers before the first step.
     pub critic_memory: Memory,
 }
 

@@ -40,9 +40,9 @@ pub(super) struct SequenceWorker<T> {
     pub(super) input: AVec<T>,
     /// Where episodes begin, `steps × environments`.
     pub(super) begins: Vec<bool>,
-    /// What is remembered before the first step, `environments × remembered`.
+    /// Memory before the first step, `environments × remembered`.
     pub(super) start: Vec<T>,
-    /// What the losses need of the samples.
+    /// Numbers of the samples that the losses need.
     pub(super) targets: Targets<T>,
     sequences: SequenceTape<T>,
     tape: Tape<T>,
@@ -84,7 +84,7 @@ impl<T: Scalar> SequenceWorker<T> {
         });
     }
 
-    /// The same of the values' loss, by the critic's parameters and its memory's.
+    /// As [`Self::policy`], for the values' loss, by the critic's parameters and its memory's.
     pub(super) fn value(&mut self, point: &Point<'_, T>, sizes: Sizes, gradient: &mut [T], sums: &mut Sums) {
         self.pass(
             &point.critic,
@@ -148,7 +148,7 @@ impl SequenceWorker<f32> {
         sizes
     }
 
-    /// The same for [`Self::value`].
+    /// As [`Self::gather_for_policy`], for [`Self::value`].
     pub(super) fn gather_for_value(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) -> Sizes {
         let width = |tile: &Samples| tile.widths.critic_observation;
         let sizes = self.gather(tiles, places, scale, |tile| {

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::Learner;
 use gaitfit_policy::network::Normaliser;
 
-/// What a learner's state holds besides tensors; written as JSON with shortest round-trip numbers it is exact.
+/// The part of a learner's state that is no tensor. Written as JSON with shortest round-trip numbers it is
+/// exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scalars {

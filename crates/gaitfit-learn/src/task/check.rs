@@ -1,4 +1,4 @@
-//! Which settings of a task are refused.
+//! Checks that refuse settings of a task.
 
 use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_policy::{Interface, Source};
@@ -6,7 +6,7 @@ use gaitfit_policy::{Interface, Source};
 use super::error::refuse;
 use super::{CommandSettings, JointNumber, TaskError, TaskSettings};
 
-/// Most feet of a robot.
+/// Max number of feet of a robot.
 const MAX_FEET: usize = 8;
 
 /// Refuses scales and clocks that do not fit, by setting.
@@ -31,7 +31,7 @@ pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
     Ok(())
 }
 
-/// How far outside its range a joint's default angle may be, rad: ranges and poses of files are rounded.
+/// Tolerance of a joint's default angle outside its range, rad: ranges and poses of files are rounded.
 const ROUNDED: f64 = 0.05;
 
 /// Refuses a default pose that a joint cannot be in.

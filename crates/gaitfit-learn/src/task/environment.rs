@@ -29,7 +29,7 @@ pub struct Environment<'a> {
     pub(super) motion: Motion,
     pub(super) steps: Vec<u32>,
     pub(super) command: Vec<[f32; 3]>,
-    /// What commands are drawn from.
+    /// Ranges that commands are drawn from.
     ranges: [Interval; 3],
     pub(super) last_action: LastAction,
     /// Angle by which the motion that the policy follows is turned in this episode, rad.

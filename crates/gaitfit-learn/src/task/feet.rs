@@ -51,7 +51,7 @@ pub fn advanced<R: Real>(
 }
 
 impl Foot {
-    /// How many numbers it keeps from step to step.
+    /// Count of the numbers that it keeps from step to step.
     pub const NUMBERS: usize = 8;
     /// Their names, in the order of [`Foot::numbers`].
     pub const NAMES: [&'static str; Self::NUMBERS] =

@@ -1,4 +1,4 @@
-//! What the robots of a tile are paid for a control period, and whether their episodes end with it.
+//! Rewards of a tile's robots for a control period, and the ends of their episodes.
 
 use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_policy::walker::touching;
@@ -7,7 +7,7 @@ use super::expression::program::LANES;
 use super::moment::BaseMoment;
 use super::{Environment, Moment};
 
-/// How an episode stands after a step.
+/// State of an episode after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ended {
     /// It continues.
@@ -24,7 +24,7 @@ pub enum Ended {
 /// A base that is faster than this, m/s or rad/s, is a simulation that came apart; in the next steps its numbers would
 /// overflow.
 pub const FASTEST_BASE: f32 = 1e3;
-/// The same of a joint, rad/s.
+/// A joint that is faster than this, rad/s, is such a simulation too.
 pub const FASTEST_JOINT: f32 = 1e4;
 
 impl Environment<'_> {

@@ -7,10 +7,10 @@ use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Term, Width};
 use serde::Serialize;
 
-/// Most numbers of all networks: compilers take minutes and gigabytes for more.
+/// Max number of parameters of all networks: compilers take minutes and gigabytes for more.
 const MAX_NUMBERS: usize = 2 << 20;
 
-/// What the template names; lists, strings and numbers are C++ already.
+/// Names in the template; lists, strings and numbers are C++ already.
 #[derive(Serialize)]
 struct Page {
     version: &'static str,
@@ -64,7 +64,7 @@ struct Seen {
     width: usize,
     count: usize,
     frames: String,
-    /// What its number `i` is, before the scale.
+    /// C++ expression of its number `i`, before the scale.
     value: &'static str,
 }
 

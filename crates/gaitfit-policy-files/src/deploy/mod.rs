@@ -24,7 +24,7 @@ const NETWORK: &str = "exported/policy.onnx";
 pub struct Deployment {
     /// Paths inside a folder, with `/`, and contents.
     pub files: Vec<(String, Vec<u8>)>,
-    /// What a file does not say, or why there is none, in words.
+    /// Facts that a file does not state, or reasons why there is no file, in words.
     pub unsaid: Vec<String>,
 }
 
@@ -169,7 +169,7 @@ fn scale_of(policy: &Policy, term: &gaitfit_policy::Term) -> Vec<f32> {
     }
 }
 
-/// What a robot does not measure, where the policy observes it.
+/// Describes the first observed quantity that a robot does not measure.
 fn unmeasured(interface: &gaitfit_policy::Interface) -> Option<String> {
     let quantity = interface.unmeasured()?.name();
     Some(format!("the policy observes {quantity}, which a robot does not measure; train one without it"))

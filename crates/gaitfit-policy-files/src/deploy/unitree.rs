@@ -6,7 +6,7 @@ use crate::foreign::sdk;
 use gaitfit_policy::{FrameOrder, HistoryStart, Interface, Policy, PolicyError, Quantity};
 use serde::Serialize;
 
-/// What the template names; lists are YAML already.
+/// Names in the template; lists are YAML already.
 #[derive(Serialize)]
 struct Page {
     version: &'static str,

@@ -55,7 +55,7 @@ impl JointIds {
     }
 }
 
-/// What stands under `observations`.
+/// An entry of `observations`.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Entry {
@@ -116,7 +116,7 @@ pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// What the file's text says.
+/// Reads the file's text.
 pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     let deploy: Deploy = serde_saphyr::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
     let count = deploy.joint_ids_map.len();

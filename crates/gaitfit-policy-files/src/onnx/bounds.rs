@@ -37,7 +37,7 @@ impl Bounds {
         Ok(())
     }
 
-    /// Those of the outputs `range`, which there are.
+    /// Keeps the bounds of the outputs `range`, all of which exist.
     pub fn select(&mut self, range: Range<usize>) {
         self.0 = self.0.drain(range).collect();
     }

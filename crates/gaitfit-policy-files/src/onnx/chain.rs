@@ -23,17 +23,17 @@ pub struct Chain {
     /// Recurrent layers, which stand before all others.
     memory: Option<Recurrent>,
     layers: Vec<Affine>,
-    /// Of the layers so far; layers beyond the list have none.
+    /// Norms of the layers so far; layers beyond the list have none.
     norms: Vec<Option<LayerNorm>>,
-    /// Of the hidden layers.
+    /// Activation of the hidden layers.
     activation: Option<Activation>,
-    /// Of the last layer so far.
+    /// Activation behind the last layer so far.
     last: Option<Activation>,
     /// Between which numbers each output is clipped, behind everything else.
     bounds: Option<Bounds>,
 }
 
-/// What a graph's layers are.
+/// Layers that were read from a graph.
 #[derive(Clone, Debug)]
 pub struct Read {
     /// Recurrent layers before the network.
@@ -56,7 +56,7 @@ impl Chain {
         self.layers.is_empty()
     }
 
-    /// How many recurrent layers there are.
+    /// Number of recurrent layers.
     pub fn remembering(&self) -> usize {
         self.memory.as_ref().map_or(0, |memory| memory.layers.len())
     }

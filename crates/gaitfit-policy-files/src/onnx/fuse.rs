@@ -11,11 +11,11 @@ use std::collections::{HashMap, HashSet};
 /// Difference up to which a constant counts as the one of a formula.
 const CLOSE: f64 = 1e-4;
 
-/// What one node stands for.
+/// A function that one node stands for.
 struct Fused {
     operator: &'static str,
     input: String,
-    /// Of a layer norm.
+    /// ε of a layer norm.
     epsilon: Option<f64>,
     /// Nodes that it replaces, without the last.
     inner: Vec<usize>,
@@ -23,7 +23,7 @@ struct Fused {
 
 struct Nodes<'a> {
     nodes: &'a [Node],
-    /// Which node gives a value.
+    /// Index of the node that gives a value.
     producer: HashMap<&'a str, usize>,
     constants: HashMap<String, Constant>,
 }

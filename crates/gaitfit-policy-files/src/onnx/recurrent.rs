@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// A state that goes into a graph or comes out of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Remembered {
-    /// Which of the graph's states, the first 0.
+    /// Index of the graph's state, from 0.
     pub origin: usize,
     /// The layer that it was cut out for.
     pub layer: Option<usize>,
@@ -115,10 +115,10 @@ impl Walk {
     }
 }
 
-/// Which cell a node is.
+/// Returns the kind of a node's cell.
 ///
 /// # Errors
-/// What PyTorch does not export.
+/// A node that PyTorch does not export.
 pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, NodeError> {
     let input = |number: usize| node.input.get(number).filter(|name| !name.is_empty());
     let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };

@@ -46,7 +46,7 @@ pub enum Function {
 }
 
 impl Function {
-    /// Of every number.
+    /// Replaces every number by its value.
     pub fn apply(self, numbers: &mut [f32]) {
         let each = |numbers: &mut [f32], function: fn(f32) -> f32| {
             numbers.iter_mut().for_each(|x| *x = function(*x));
@@ -93,7 +93,7 @@ fn erf(x: f32) -> f32 {
     (1.0 - p * t * (-z * z).exp()).copysign(f64::from(x)) as f32
 }
 
-/// What becomes of two numbers.
+/// A function of two numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Binary {
     /// a + b.
@@ -128,14 +128,14 @@ pub enum Binary {
     Or,
 }
 
-/// Which number of an operand belongs to a place of the result.
+/// Rule that gives the number of an operand for a place of the result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reach {
     /// The same place.
     Same,
-    /// The one that there is.
+    /// The operand's only number, for all places.
     One,
-    /// A place each.
+    /// A place in the operand for each place of the result.
     Listed(Vec<u32>),
 }
 
@@ -152,7 +152,7 @@ impl Reach {
 }
 
 impl Binary {
-    /// Of one robot.
+    /// Writes its values for one robot.
     pub fn apply(self, out: &mut [f32], a: (&[f32], &Reach), b: (&[f32], &Reach)) {
         let truth = |truth: bool| f32::from(u8::from(truth));
         match self {

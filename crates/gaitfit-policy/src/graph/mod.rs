@@ -27,7 +27,7 @@ pub struct Graph {
     plan: Arc<Plan>,
 }
 
-/// What a graph does.
+/// Inputs, steps and output of a graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Width of the observation.
@@ -36,7 +36,7 @@ pub struct Plan {
     pub feeds: Vec<Feed>,
     /// Inputs that take an output of the step before; zeros at an episode's start.
     pub carried: Vec<Carried>,
-    /// What is computed, in this order.
+    /// Steps, in the order in which they are computed.
     pub steps: Vec<Step>,
     /// Numbers that are the same for all robots.
     pub constants: Vec<Vec<f32>>,
@@ -44,11 +44,11 @@ pub struct Plan {
     pub counts: Vec<usize>,
     /// Where the actions are.
     pub actions: Operand,
-    /// How many they are.
+    /// Number of actions.
     pub outputs: usize,
     /// The file: an ONNX model that holds all its numbers.
     pub source: Vec<u8>,
-    /// What each input takes, as descriptions write it.
+    /// Numbers that each input takes, as descriptions write it.
     pub inputs: Inputs,
     /// The output that is the action.
     pub output: String,
@@ -72,13 +72,13 @@ pub struct Carried {
     pub name: String,
     /// The value that the input is.
     pub value: usize,
-    /// What becomes it.
+    /// Value that becomes the input.
     pub from: Operand,
-    /// How many numbers it has, a robot.
+    /// Its numbers a robot.
     pub count: usize,
 }
 
-/// What an operator works on.
+/// An input of an operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operand {
     /// A value, by its place in [`Plan::counts`].
@@ -104,14 +104,14 @@ pub struct Step {
     pub output: usize,
 }
 
-/// What a step does.
+/// The operator of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Operator {
     /// Number by number: the input and the place that it is taken from. Cuts, joins, turns and repeats are all this.
     Take(Vec<[u32; 2]>),
     /// A function of each number.
     Function(Function),
-    /// What becomes of two operands, and which of their numbers meet.
+    /// A function of two operands, and which of their numbers meet.
     Binary(Binary, [Reach; 2]),
     /// The second where the first is not zero, else the third.
     Choose([Reach; 3]),
@@ -137,7 +137,7 @@ pub enum Operator {
     },
     /// Sums and the like: where each number of the input goes, and how many go to each number of the output.
     Reduce {
-        /// What becomes of numbers that go to the same place.
+        /// Reduction of the numbers that go to the same place.
         what: Reduction,
         /// Place in the output of each number of the input.
         to: Vec<u32>,
@@ -150,7 +150,7 @@ pub enum Operator {
         what: Along,
         /// Numbers along the axis.
         length: usize,
-        /// How far apart they are.
+        /// Distance between neighbours along the axis.
         stride: usize,
     },
     /// A recurrent layer along `times` time steps: inputs, output before and, of an LSTM, its cell before. It gives all

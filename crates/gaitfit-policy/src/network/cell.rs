@@ -101,7 +101,7 @@ fn blocks<T, const GATES: usize>(row: &[T], width: usize) -> [&[T]; GATES] {
     std::array::from_fn(|gate| &row[gate * width..(gate + 1) * width])
 }
 
-/// The same to write to; rows of three gates have an empty fourth block.
+/// As [`blocks`], to write to; rows of three gates have an empty fourth block.
 #[inline(always)]
 fn blocks_mut<T>(row: &mut [T], width: usize) -> [&mut [T]; 4] {
     let (a, rest) = row.split_at_mut(width);

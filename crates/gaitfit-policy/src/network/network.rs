@@ -29,7 +29,7 @@ pub struct Scratch {
     buffers: [AVec<f32>; 2],
     /// The input of the first layer, where there is a normaliser.
     normalised: Vec<f32>,
-    /// What the operators of a graph give.
+    /// Results of the operators of a graph.
     values: Vec<Vec<f32>>,
 }
 
@@ -45,7 +45,7 @@ impl Scratch {
         Self::default()
     }
 
-    /// What the operators of a graph give, a list each.
+    /// Results of the operators of a graph, a list each.
     pub(crate) fn values(&mut self) -> &mut Vec<Vec<f32>> {
         &mut self.values
     }

@@ -18,7 +18,8 @@ pub struct Normaliser {
 }
 
 impl Normaliser {
-    /// Of `width` elements, before any row: mean 0, variance 1. [`Self::apply`] then only divides by √1.01.
+    /// Statistics of `width` elements before any row: mean 0, variance 1. [`Self::apply`] then only divides
+    /// by √1.01.
     pub fn new(width: usize) -> Self {
         Self { mean: vec![0.0; width], variance: vec![1.0; width], count: 0.0 }
     }

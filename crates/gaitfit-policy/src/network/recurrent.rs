@@ -16,9 +16,9 @@ pub struct RecurrentLayer {
     pub weight_ih: Vec<f32>,
     /// From the last output to the gates: `hidden × gates · hidden`, row-major.
     pub weight_hh: Vec<f32>,
-    /// Of the input's product, `gates · hidden`.
+    /// Bias of the input's product, `gates · hidden`.
     pub bias_ih: Vec<f32>,
-    /// Of the last output's product, `gates · hidden`.
+    /// Bias of the last output's product, `gates · hidden`.
     pub bias_hh: Vec<f32>,
 }
 
@@ -31,13 +31,13 @@ pub struct Recurrent {
     pub layers: Vec<RecurrentLayer>,
 }
 
-/// What recurrent layers remember of some environments. Empty for policies without.
+/// Memory of recurrent layers, for some environments. Empty for policies without such layers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     layers: Vec<State>,
 }
 
-/// Of one layer, `environments × hidden` each; `cell` is empty for a GRU.
+/// Memory of one layer, `environments × hidden` each; `cell` is empty for a GRU.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct State {
     hidden: usize,
@@ -77,7 +77,7 @@ impl Memory {
         self.arrays().map(|(_, width)| width).sum()
     }
 
-    /// How many environments it remembers; `None` without layers.
+    /// Number of environments; `None` without layers.
     pub fn environments(&self) -> Option<usize> {
         self.arrays().next().map(|(values, width)| values.len() / width)
     }

@@ -13,7 +13,7 @@ use super::{Recurrent, lanes};
 
 /// Parameters of recurrent layers as the passes of a gradient want them.
 pub struct RecurrentWeights<T> {
-    /// Of the layers.
+    /// Shape of the layers.
     pub shape: RecurrentShape,
     /// As [`RecurrentShape::parts`] has them.
     parameters: AVec<T>,
@@ -22,7 +22,7 @@ pub struct RecurrentWeights<T> {
 }
 
 impl<T: Scalar> RecurrentWeights<T> {
-    /// Of `shape`, with these parameters in the order of [`RecurrentShape::parts`].
+    /// The weights of layers of `shape`, with these parameters in the order of [`RecurrentShape::parts`].
     ///
     /// # Panics
     /// If there are fewer: an error of the caller.
@@ -50,7 +50,7 @@ impl From<&Recurrent> for RecurrentWeights<f32> {
     }
 }
 
-/// What goes through recurrent layers.
+/// Inputs of recurrent layers over some steps of some robots.
 #[derive(Clone, Copy)]
 pub struct Sequences<'a, T> {
     /// Steps.
@@ -61,7 +61,7 @@ pub struct Sequences<'a, T> {
     pub input: &'a [T],
     /// Whether an episode begins with a step, so that nothing is remembered before it; `steps × robots`.
     pub begins: &'a [bool],
-    /// What is remembered before the first step; `robots × remembered`, as [`super::Memory::append_row`] gives it.
+    /// Memory before the first step; `robots × remembered`, as [`super::Memory::append_row`] gives it.
     pub start: &'a [T],
 }
 
@@ -117,7 +117,8 @@ impl<T: Scalar> LayerTape<T> {
     }
 }
 
-/// What a step begins with: `start` in the first step, else what the step before left; nothing where an episode begins.
+/// Fills the memory that a step begins with: `start` in the first step, else the result of the step before;
+/// zeros where an episode begins.
 fn carry<T: Scalar>(before: &mut [T], after: &[T], start: &[T], step: usize, begins: &[bool]) {
     if before.is_empty() {
         return;

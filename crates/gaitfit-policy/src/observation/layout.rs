@@ -43,7 +43,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Of `terms`, for example [`Interface::observation`]. The interface has passed [`Interface::check`].
+    /// The layout of `terms`, for example of [`Interface::observation`]. The interface has passed
+    /// [`Interface::check`].
     pub fn new(interface: &Interface, terms: &[Term]) -> Self {
         let joints = interface.joints.len();
         let frame: usize = terms.iter().map(|term| term.quantity.width(joints)).sum();

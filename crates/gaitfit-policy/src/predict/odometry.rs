@@ -97,13 +97,13 @@ pub(super) struct Legs {
 struct Place {
     /// The foot's centre, or the lowest point of a wheel's rim, m, base frame.
     at: [f32; 3],
-    /// What this point moves for a unit of each joint of its leg, m/rad.
+    /// Displacement of this point by a unit of each joint of its leg, m/rad.
     columns: Vec<[f32; 3]>,
     /// The point's velocity in the base's frame, m/s.
     velocity: [f32; 3],
 }
 
-/// How the base has to move.
+/// Change of the base's height and velocity.
 pub(super) struct Change {
     /// m.
     pub height: f64,

@@ -22,7 +22,7 @@ pub struct FallSettings {
     pub height: f64,
 }
 
-/// Least normal force that counts as touching, N.
+/// Min normal force that counts as touching, N.
 pub const TOUCH: f32 = 1.0;
 
 /// How many of the geoms in `places` touch the ground; `forces` are of one environment

@@ -28,7 +28,7 @@ impl TorqueNoise {
         self.draw(walker, |_| candidate.torque_noise, seed, first, step, count)
     }
 
-    /// The same of environments that differ: a deviation each, N·m.
+    /// As [`Self::torques`], for environments that differ: a deviation each, N·m.
     pub fn torques_of(
         &mut self,
         walker: &Walker,

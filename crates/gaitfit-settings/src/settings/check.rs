@@ -17,7 +17,7 @@ const MAX_TIMESTEP_S: f64 = 0.02;
 /// Whether settings break a rule, and what the rule says.
 type Rule = (fn(&AdaptConfig) -> bool, &'static str);
 
-/// What the settings of a fit must keep. The first broken rule is printed, so what a later rule needs comes first.
+/// Rules for the settings of a fit. The first broken rule is printed, so what a later rule needs comes first.
 const RULES: &[Rule] = &[
     (
         |config| !walks(config) && config.robot.is_empty(),

@@ -14,7 +14,7 @@ pub(super) const MAX_BYTES: u64 = 16 << 20;
 
 /// A command's settings.
 pub trait Configuration: DeserializeOwned {
-    /// What prints a file to start from, for advice.
+    /// Command that prints a file to start from, for advice.
     const PRINTED_BY: &'static str;
     /// A `--set` that may stand as an example.
     const EXAMPLE: &'static str;
@@ -82,7 +82,7 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
     }
 }
 
-/// What a file is that by its ending is no configuration, and which command takes it.
+/// Names the kind of a file that by its ending is no configuration, and the command that takes it.
 fn no_configuration(path: &Path) -> Option<String> {
     let shown = path.display();
     let ending = path.extension()?.to_string_lossy().to_lowercase();

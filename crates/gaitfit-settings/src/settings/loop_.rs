@@ -14,7 +14,7 @@ use toml::{Spanned, Table};
 
 use crate::Error;
 
-/// Most robots of a drift trial.
+/// Max number of robots of a drift trial.
 pub const MAX_DRIFT: usize = 100_000;
 
 /// The defaults, as `gaitfit config loop` prints them.

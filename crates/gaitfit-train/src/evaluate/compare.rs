@@ -24,16 +24,17 @@ pub struct Comparison {
     pub paired: bool,
     /// Trajectories that both have to their end or fall.
     pub trajectories: usize,
-    /// Of the linear-velocity error, m/s.
+    /// Difference of the linear-velocity error, m/s.
     pub linear_velocity_error: Estimate,
-    /// Of the angular-velocity error, rad/s.
+    /// Difference of the angular-velocity error, rad/s.
     pub angular_velocity_error: Estimate,
-    /// Of both errors added, m/s and rad/s.
+    /// Difference of the sum of both errors, m/s and rad/s.
     pub tracking_error: Estimate,
-    /// Of the joints' distance from the motion, rad, if both policies follow one. It counts then, and the errors above do not.
+    /// Difference of the joints' distance from the motion, rad, if both policies follow one. It counts then,
+    /// and the errors above do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error: Option<Estimate>,
-    /// Of the share of falls.
+    /// Difference of the share of falls.
     pub fall_rate: Estimate,
 }
 
@@ -131,7 +132,7 @@ fn estimate(values: &[f64]) -> Estimate {
         .map_or_else(Estimate::default, |one| Estimate { mean: one.mean, ci95: one.ci95.unwrap_or(f64::NAN) })
 }
 
-/// Which of two is better, as far as an interval tells.
+/// The better of two policies, as far as an interval shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
     /// The policy.

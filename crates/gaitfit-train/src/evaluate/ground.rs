@@ -19,7 +19,7 @@ use std::path::Path;
 /// Uneven ground that a policy is measured on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum GroundChoice {
-    /// That of the task, if it has any.
+    /// The task's ground, if it has some.
     #[default]
     Own,
     /// None.
@@ -142,7 +142,7 @@ impl GroundResult {
         }
     }
 
-    /// What makes it as hard as it is, in words.
+    /// Its difficulty, in words.
     pub fn difficulty_text(&self) -> String {
         let centimetres = 100.0 * self.difficulty;
         match self.ground.split(' ').next() {

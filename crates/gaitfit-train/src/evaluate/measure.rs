@@ -1,4 +1,4 @@
-//! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
+//! Measures of how well a policy walks, as `gaitfit evaluate --json` prints them and other programs may.
 
 use super::{GroundResult, TrajectoryErrors, motion};
 use crate::Error;
@@ -14,7 +14,7 @@ use gaitfit_view::{Drift, Estimate};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     /// Trajectories with random commands.
@@ -96,7 +96,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// That robots diverged, in a sentence; `None` if none did.
+    /// States how many robots diverged, in a sentence; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         let drift: usize = self.drift.iter().map(|trial| trial.diverged).sum();
         if self.diverged + drift == 0 {
@@ -111,7 +111,7 @@ impl Evaluation {
         ))
     }
 
-    /// What cannot have been measured, in words. An interval may be missing.
+    /// Names a number that cannot have been measured, in words. An interval may be missing.
     pub fn wrong(&self) -> Option<String> {
         let errors = [
             ("linear_velocity_error", self.linear_velocity_error, f64::INFINITY),
@@ -161,7 +161,7 @@ pub struct DriftResult {
     pub path: Vec<[f64; 3]>,
 }
 
-/// What was measured, and the rows behind it.
+/// Results of a measurement, and the rows behind them.
 pub struct Measured {
     /// The means.
     pub evaluation: Evaluation,
@@ -274,7 +274,7 @@ fn drawn(world: &World, trials: &[Trial]) -> String {
     sum.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What of a trajectory is compared with others.
+/// Numbers of a trajectory that are compared with others.
 fn errors(trial: &Trial) -> TrajectoryErrors {
     let fell = f64::from(u8::from(trial.fell));
     (!trial.diverged).then_some([trial.linear_velocity_error, trial.angular_velocity_error, fell])
@@ -291,7 +291,7 @@ impl DriftResult {
         }
     }
 
-    /// How far from the wanted place the mean robot ends, m; NaN where all fell.
+    /// Distance from the wanted place at which the mean robot ends, m; NaN if all fell.
     pub fn distance(&self) -> f64 {
         self.x.mean.hypot(self.y.mean)
     }

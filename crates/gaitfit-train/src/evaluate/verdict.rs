@@ -11,12 +11,12 @@ pub const MANY_FALLS: f64 = 0.5;
 const FEW_FALLS: f64 = 0.02;
 /// Largest share of the error of a robot that stands still that a policy which walks has.
 const FOLLOWS: f64 = 0.5;
-/// How far a robot that is told to stand may end from where it began, m, and turned, rad.
+/// Max distance (m) and turn (rad) from its start of a robot that is told to stand.
 const STANDS: [f64; 2] = [0.2, 0.2];
 /// Share of the error of a robot that stands still from which on it goes nowhere.
 const NOWHERE: f64 = 0.8;
 
-/// What a measurement says of a policy.
+/// Verdict on a policy, by a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// Whether it walks.
@@ -95,7 +95,7 @@ fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
     Some(Verdict { walks, shortfall: off / (FOLLOWS * rest), text })
 }
 
-/// That a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
+/// States that a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
 pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
     let still = standing_error(command);
     (still > 0.0 && error >= NOWHERE * still).then(|| {
@@ -103,7 +103,8 @@ pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
     })
 }
 
-/// That a mean velocity error, m/s, is no small part of the error `still` of a robot that stands still.
+/// States that a mean velocity error, m/s, is a large part of `still`, the error of a robot that stands
+/// still; `None` if it is not.
 fn follows_badly(error: f64, still: f64) -> Option<String> {
     (error >= FOLLOWS * still).then(|| {
         format!(
@@ -115,7 +116,7 @@ fn follows_badly(error: f64, still: f64) -> Option<String> {
     })
 }
 
-/// That the robot moves when it is told to stand, where that was measured.
+/// States that the robot moves when it is told to stand; `None` if it stands, or this was not measured.
 fn drifts(trials: &[DriftResult]) -> Option<String> {
     let stand = trials.iter().find(|trial| trial.command == [0.0; 3])?;
     let (distance, turn) = (stand.distance(), stand.yaw.mean.abs());

@@ -19,7 +19,7 @@ pub const PLACES: [(&str, &str); 4] =
 /// One of them: its name, its folder, and the simulator that it is trained in.
 pub type Control = (&'static str, &'static str, TrainingRobot);
 
-/// Which there are to be after a round with a fit, or without one.
+/// Returns the controls that are trained after a round with a fit, or without one.
 ///
 /// # Errors
 /// A file of numbers that cannot be read.
@@ -88,7 +88,8 @@ pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> 
     others.map(|other| compare(&reference.on, &reference.evaluation, &other.evaluation)).collect()
 }
 
-/// What the fit bought over the best that there is without logs: over randomisation, or else over the nominal simulator.
+/// States the gain of the fit over the best training without logs: over randomisation, or else over the
+/// nominal simulator.
 pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option<String> {
     let against = |name: &str| comparisons.iter().find(|one| one.against == name);
     let (comparison, than) = against(RANDOMISED)
@@ -125,7 +126,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     })
 }
 
-/// Of which error alone there is less beyond chance.
+/// Name of the error that is smaller beyond chance; `None` if neither is.
 fn less_of(comparison: &Comparison) -> Option<&'static str> {
     let less = |difference: Estimate| difference.mean + difference.ci95 < 0.0;
     match (less(comparison.linear_velocity_error), less(comparison.angular_velocity_error)) {
@@ -135,7 +136,7 @@ fn less_of(comparison: &Comparison) -> Option<&'static str> {
     }
 }
 
-/// That the policy is no better than one trained without logs.
+/// Warns that the policy is no better than one trained without logs.
 pub fn warning(comparison: &Comparison) -> Option<String> {
     let without_logs = [NOMINAL, RANDOMISED].contains(&comparison.against.as_str());
     (without_logs && comparison.better() != Better::Policy).then(|| {

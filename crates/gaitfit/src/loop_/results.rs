@@ -1,4 +1,4 @@
-//! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
+//! Results of a loop: the one document that `--json` prints, `result.json` keeps, and table and report show.
 
 use super::walked::Walked;
 use crate::adapt::AdaptResults;
@@ -97,7 +97,7 @@ pub const TARGET: &str = "target";
 /// Name of a policy that was fine-tuned in the true simulator.
 pub const REFERENCE: &str = "fine-tuned on the target";
 
-/// What intervals of comparisons do not hold.
+/// Note on what intervals of comparisons do not cover.
 pub const ONE_TRAINING: &str = "Intervals cover the trajectories. Each policy was trained once; another training seed \
                                 would change the result too.";
 /// Name of the policy that was fine-tuned in the simulator of the robot's file.
@@ -130,18 +130,18 @@ impl Measurement {
 }
 
 impl Results {
-    /// That robots diverged while a policy was measured, in sentences; `None` if none did.
+    /// States that robots diverged while a policy was measured, in sentences; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         divergence(&self.evaluations)
     }
 
-    /// That the last policy was not trained in its round's fit, and why; absent if it was.
+    /// States that the last policy was not trained in its round's fit, and why; `None` if it was.
     pub fn fallback(&self) -> Option<String> {
         let round = self.rounds.last()?;
         round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
     }
 
-    /// That the policies were measured, but not on the robot; `None` if they were.
+    /// Doubt that the policies were measured, but not on the robot; `None` if they were.
     pub fn absence(&self) -> Option<Doubt> {
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
             return None;
@@ -155,7 +155,7 @@ impl Results {
         Some(Doubt::new(DoubtKind::RobotAbsent, text.trim_end()).with_details(details))
     }
 
-    /// What was measured of a policy in a simulator.
+    /// Evaluation of a policy in a simulator.
     pub fn measured(&self, policy: &str, on: &str) -> Option<&Evaluation> {
         let measurement = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
         measurement.map(|one| &one.evaluation)

@@ -26,7 +26,7 @@ use std::path::PathBuf;
 
 /// A finished loop, with what its report needs besides the results.
 pub struct Done {
-    /// What came out.
+    /// The results.
     pub results: Results,
     /// The fits' inputs, one a round.
     pub fits: Vec<adapt::Setup>,
@@ -192,7 +192,7 @@ fn last_walk(stages: &mut Stages<'_>, policies: &[PolicyFiles]) -> Result<(), Er
     Ok(())
 }
 
-/// What a robot's sensors say of the policies that walked on it.
+/// Returns what a robot's sensors measured of the policies that walked on it.
 fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, Error> {
     let Some(target) = stages.setup.config.target.as_ref().filter(|target| target.kind.is_robot()) else {
         return Ok(Vec::new());
@@ -310,7 +310,7 @@ fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
     trained.rev().min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or_default()
 }
 
-/// What only the user can do.
+/// Next step, which only the user can do.
 fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<String> {
     match (target, absent) {
         (Some(Target::Robot(_)), _) => Some(NOT_MEASURED.to_owned()),

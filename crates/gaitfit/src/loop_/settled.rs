@@ -19,7 +19,7 @@ pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error>
     Ok(parameters.into_iter().filter(|one| !unknown(&one.name)).map(|one| one.kind).collect())
 }
 
-/// The same of a round that is over.
+/// As [`of_fit`], for a round that is over.
 pub fn of_round(round: &RoundResult) -> Result<Vec<String>, Error> {
     if round.fallback.is_some() {
         return Ok(Vec::new());

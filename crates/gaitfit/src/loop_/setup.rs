@@ -263,7 +263,7 @@ impl Setup {
         Plan { seed, drift: 0, ..plan }
     }
 
-    /// What is measured of every policy.
+    /// Plan of the measurement of every policy.
     pub fn plan(&self) -> Plan {
         let evaluate = &self.config.evaluate;
         Plan {

@@ -22,7 +22,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What stages share.
+/// Data that the stages share.
 pub struct Stages<'a> {
     /// The loop.
     pub setup: &'a Setup,
@@ -38,7 +38,7 @@ pub struct Stages<'a> {
 }
 
 impl<'a> Stages<'a> {
-    /// Those of a folder.
+    /// The stages of a loop in a folder.
     ///
     /// # Errors
     /// A folder that cannot be read.
@@ -243,7 +243,8 @@ impl<'a> Stages<'a> {
         Ok((results, seed, bytes))
     }
 
-    /// Of several trainings of a stage the one whose policy follows commands best in the simulator that all were trained in.
+    /// Returns the training of a stage whose policy follows commands best in the simulator that all were
+    /// trained in.
     /// Chance decides much of a training, and where a policy gets stuck it does so there too.
     fn best_of(
         &self,
@@ -278,12 +279,13 @@ impl<'a> Stages<'a> {
         Ok(trained.swap_remove(best))
     }
 
-    /// What is measured of a policy on the target; none where that cannot be.
+    /// Measures a policy on the target; `None` if that is impossible.
     pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
         self.measured_on_target(&format!("{stem}-target"), policy, self.setup.plan())
     }
 
-    /// The same on other trajectories, by which a policy is chosen: those by which it is reported must not choose it.
+    /// As [`Self::on_target`], on other trajectories, by which a policy is chosen: those by which it is
+    /// reported must not choose it.
     pub fn for_choice(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
         self.measured_on_target(&format!("{stem}-choice"), policy, self.setup.choice())
     }
@@ -303,7 +305,7 @@ impl<'a> Stages<'a> {
         evaluation
     }
 
-    /// What is measured of a policy in the simulator of a fit.
+    /// Measures a policy in the simulator of a fit.
     pub fn on_adapted(
         &mut self,
         stem: &str,
@@ -356,7 +358,7 @@ impl<'a> Stages<'a> {
     }
 }
 
-/// With the name of where it was measured.
+/// Adds the name of the place where a policy was measured.
 pub fn measurement(on: &str, evaluation: Option<Evaluation>) -> Option<Measurement> {
     evaluation.map(|evaluation| Measurement { on: on.to_owned(), evaluation })
 }

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Period of the boards that control a robot's motors, s: 1 ms on most robots.
 const BOARD_SECONDS: f64 = 0.001;
 
-/// What is known at the start.
+/// Inputs of a first configuration.
 #[derive(Clone, Debug, Default)]
 pub struct NewSettings {
     /// Robot file (MJCF or URDF), or `unitree-go2`, the built-in Go2; without one that of the policy's training, or the built-in Go2 if the policy is of it.
@@ -61,7 +61,7 @@ pub struct Written {
     pub next: String,
 }
 
-/// What the configuration is made from.
+/// Data that the configuration is made from.
 struct Inputs<'a> {
     settings: &'a NewSettings,
     out: &'a Path,
@@ -85,7 +85,7 @@ impl Gains {
         format!("kp {} N·m/rad, kd {} N·m·s/rad: {}", range(&self.kp), range(&self.kd), self.source)
     }
 
-    /// What a kd of 0 does to the fit.
+    /// Warns what a kd of 0 does to the fit.
     fn doubt(&self) -> Option<String> {
         let zero = self.kd.values().into_iter().filter(|kd| *kd == 0.0).count();
         (zero > 0).then(|| {
@@ -278,7 +278,7 @@ impl Inputs<'_> {
         Opening::new(&config, self.out).open()
     }
 
-    /// What was assumed, and what the opened fit shows.
+    /// Returns what was assumed and what the opened fit shows.
     fn assumed(&self, setup: Option<&Setup>) -> Vec<Assumed> {
         let mut lines = Vec::new();
         let mut add = |what, value: String| lines.push(Assumed { what, value });

@@ -46,7 +46,7 @@ pub struct Run<'a> {
     pub watch: &'a Watch<'a>,
 }
 
-/// What a table's cells came to, by cell or scenario and by seed.
+/// Results of a table's cells, by cell or scenario and by seed.
 #[derive(Default)]
 pub struct Outcome {
     /// By cell.
@@ -59,7 +59,7 @@ pub struct Outcome {
     pub controls: IndexMap<String, IndexMap<String, Vec<SeedResult>>>,
 }
 
-/// What the cells of a scenario share.
+/// Logs and references that the cells of a scenario share.
 struct Shared {
     logs: PathBuf,
     first: Option<SeedResult>,

@@ -40,7 +40,7 @@ pub struct Table {
     pub cells: Vec<PaperCell>,
 }
 
-/// What cells go through.
+/// Stages that cells go through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {

@@ -21,7 +21,7 @@ pub struct Command {
     timeout_seconds: f64,
 }
 
-/// Most characters of a wrong document, and of a program's words, that are repeated.
+/// Max number of characters of a wrong document, and of a program's words, that a message repeats.
 const MAX_SHOWN: usize = 200;
 const MAX_WORDS: usize = 1000;
 

@@ -30,7 +30,7 @@ for second in 1 2 3 4 5; do
 done
 kill -KILL $group 2>/dev/null";
 
-    /// How often it is looked whether a group has ended.
+    /// Interval between checks whether a group has ended.
     const LOOK: Duration = Duration::from_millis(20);
 
     /// A running program and what it started.
@@ -162,7 +162,7 @@ mod other {
             command.spawn().map(|child| Self { child })
         }
 
-        /// The same.
+        /// As [`Group::start`].
         ///
         /// # Errors
         /// A program that cannot be started.

@@ -11,19 +11,19 @@ use std::time::{Duration, Instant};
 
 /// Lines of standard error that are kept for a message.
 const LAST_LINES: usize = 20;
-/// Most bytes that a program may print, and that a line of its standard error may have.
+/// Max number of bytes that a program may print, and of a line of its standard error.
 const MAX_BYTES: usize = 64 << 20;
 const MAX_LINE: u64 = 1 << 16;
 /// Bytes that are read at once.
 const CHUNK: usize = 1 << 16;
-/// How long a program may take to end once it is asked to: a robot may have to lie down.
+/// Time that a program has to end once it is asked to: a robot may have to lie down.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long what a program printed is waited for once it has ended: a process that it left may hold the pipe for ever.
+/// Time to wait for a program's output once it has ended: a process that it left may hold the pipe for ever.
 const GRACE: Duration = Duration::from_secs(1);
-/// How often it is looked whether to stop.
+/// Interval between checks whether to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What a program left.
+/// Result of a program.
 #[derive(Debug)]
 pub struct Output {
     /// How it ended.
@@ -171,7 +171,7 @@ impl Program<'_> {
     }
 }
 
-/// What a program has said so far.
+/// Output of a program so far.
 struct Said<'a> {
     receiver: Receiver<Piece>,
     out: Vec<u8>,

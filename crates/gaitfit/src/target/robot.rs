@@ -169,7 +169,7 @@ impl Robot {
         }
     }
 
-    /// Which robot it is.
+    /// The robot, in a few words.
     pub fn description(&self) -> String {
         self.description.clone()
     }

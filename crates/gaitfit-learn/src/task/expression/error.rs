@@ -117,7 +117,7 @@ pub(super) fn nearest(name: &str) -> Option<String> {
     (score > 0.7).then(|| known.to_owned())
 }
 
-/// Most element names in a message.
+/// Max number of element names in a message.
 const MAX_NAMES: usize = 8;
 
 /// Names of elements for a message: all if they are few, else those that are most like `pattern`.

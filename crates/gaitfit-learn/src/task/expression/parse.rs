@@ -10,9 +10,9 @@ use super::{Fold, MAX_FOLDS, Node};
 
 /// Max brackets and signs inside each other: the parser calls itself for each, and its stack is limited.
 const MAX_DEPTH: usize = 32;
-/// Most operators, functions, numbers and quantities.
+/// Max number of operators, functions, numbers and quantities.
 const MAX_NODES: usize = 256;
-/// Most elements of a row whose pairs are taken: 496 pairs.
+/// Max number of elements of a row whose pairs are taken: 496 pairs.
 const MAX_PAIRED: usize = 32;
 
 /// A part, and how many numbers it has.

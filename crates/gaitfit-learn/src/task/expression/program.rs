@@ -24,7 +24,7 @@ struct Row {
     width: usize,
 }
 
-/// What a step does. `R`: how it names rows, by the number of the step that makes them or by their place.
+/// The work of a step. `R` names rows, by the number of the step that makes them or by their place.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Work<R> {
     /// The number with these bits.
@@ -47,7 +47,7 @@ impl<R: Copy> Work<R> {
         }
     }
 
-    /// The same with its rows named another way.
+    /// The same work with its rows renamed by `name`.
     fn renamed<S>(&self, name: impl Fn(R) -> S) -> Work<S> {
         match self {
             Self::Number(bits) => Work::Number(*bits),

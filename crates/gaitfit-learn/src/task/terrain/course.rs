@@ -28,7 +28,7 @@ pub struct Course {
 
 /// Width of the strip at the edge of the ground that ends an episode, m.
 const STRIP: f64 = 0.5;
-/// How far from the edge of the platform robots start, m: their feet stand on it.
+/// Min distance of a start from the edge of the platform, m: the robot's feet stand on it.
 const ROOM: f64 = 0.4;
 
 impl Course {
@@ -50,7 +50,7 @@ impl Course {
         Ok((course, ground))
     }
 
-    /// What the ground was made of.
+    /// Settings of the ground.
     pub fn settings(&self) -> &TerrainSettings {
         &self.settings
     }
@@ -60,7 +60,7 @@ impl Course {
         self.settings.across() as f64 * self.settings.cell
     }
 
-    /// What is on a cell.
+    /// Kind of ground on a cell.
     pub fn kind(&self, cell: Cell) -> TerrainKind {
         self.columns.get(cell.column).map_or(TerrainKind::Flat, |(kind, _)| *kind)
     }
@@ -71,12 +71,12 @@ impl Course {
         matches!(self.kind(cell), TerrainKind::Slopes | TerrainKind::Stairs) && number.is_multiple_of(2)
     }
 
-    /// How far along the levels a cell is, 0 to 1.
+    /// Share of the way from the first level to the last, 0 to 1.
     pub fn fraction(&self, cell: Cell) -> f64 {
         cell.level as f64 / (self.settings.levels - 1).max(1) as f64
     }
 
-    /// What makes a cell as hard as it is: height of its steps (m), slope, or roughness (m); 0 of level ground.
+    /// Difficulty of a cell: height of its steps (m), slope, or roughness (m); 0 on level ground.
     pub fn difficulty(&self, cell: Cell) -> f64 {
         let range = match self.kind(cell) {
             TerrainKind::Flat => return 0.0,
@@ -176,7 +176,7 @@ fn any(levels: usize, seed: u64, environment: u32, step: u32) -> usize {
     ((stream.uniform(0) * levels as f64) as usize).min(levels - 1)
 }
 
-/// How an episode of a robot goes on its cell.
+/// Progress of a robot's episode on its cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::task) struct Way {
     /// Level of its cell.

@@ -35,7 +35,7 @@ pub(super) fn field(settings: &TerrainSettings, course: &Course) -> HeightField 
     HeightField { rows, columns, half_size: [half(columns), half(rows)], heights }
 }
 
-/// What is on one cell.
+/// Shape of the ground on one cell.
 struct Shape<'a> {
     settings: &'a TerrainSettings,
     kind: TerrainKind,

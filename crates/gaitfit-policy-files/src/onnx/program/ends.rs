@@ -174,7 +174,7 @@ impl Program {
         Ok((states, notes))
     }
 
-    /// What the remembered inputs become.
+    /// Connects the remembered inputs with the outputs that they become.
     pub(super) fn carry(&mut self, states: Vec<State>) -> Result<(), PolicyError> {
         for (name, value, output) in states {
             let from = self.values.get(&output);

@@ -25,7 +25,7 @@ pub(super) fn bounded(node: &Node) -> Result<(), NodeError> {
     Ok(())
 }
 
-/// What is said of an operator that is not run.
+/// Error for an operator that is not run.
 fn unknown() -> NodeError {
     unread(
         "it is not run here (docs/policies-foreign.md lists the operators). Export the actor without it, or run the whole \
@@ -100,7 +100,7 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    /// What becomes of two values.
+    /// A step on two values.
     pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, NodeError> {
         let dims = broadcast(&[&a.dims, &b.dims])?;
         let reaches = [a, b].map(|one| self.reach(one, &dims)).into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -108,7 +108,7 @@ impl Program {
         self.step(Operator::Binary(binary, [first, second]), &[a, b], dims)
     }
 
-    /// How the numbers of a value meet those of a result, whose size is checked first.
+    /// Returns how the numbers of a value meet those of a result, whose size is checked first.
     fn reach(&self, value: &Value, dims: &[usize]) -> Result<Reach, NodeError> {
         super::shapes::count(dims)
             .ok_or_else(|| misfit(format!("it gives numbers of shape {dims:?}, too many")))?;

@@ -72,7 +72,7 @@ pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
     jobs
 }
 
-/// What one lane simulates.
+/// Robot and recording that one lane simulates.
 pub(super) struct Lane {
     recording: usize,
     /// The robot, with the recording's gains.
@@ -114,7 +114,7 @@ pub(super) struct Block<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
-    /// What gears and the filter of velocities remember.
+    /// Memory of the gears and of the velocity filter.
     memory: Vec<T>,
 }
 

@@ -19,13 +19,13 @@ struct Block<T> {
     normal_force: Vec<T>,
     tracked: Vec<[T; 3]>,
     torque: Vec<T>,
-    /// What the modifications remember.
+    /// Memory of the modifications.
     memory: Vec<T>,
     /// Lanes whose target history and memory start with their next target.
     fresh: [bool; WIDEST],
 }
 
-/// What all robots of a tile share.
+/// Data that all robots of a tile share.
 pub(crate) struct Shared<'a> {
     pub tree: &'a Tree<f32>,
     /// Control periods of sent targets that are kept.
