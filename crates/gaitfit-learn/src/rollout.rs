@@ -154,6 +154,7 @@ impl<'a> Runner<'a> {
                     tally.episode(std::mem::take(so_far), ended[index], environment.steps_left(index));
                 }
             }
+            // Before new episodes begin: the critic values the states in which episodes were cut off.
             recorder.end(learner, ends, |rows| environment.observe_critic(rows));
             environment.begin_episodes(step, ended);
         }

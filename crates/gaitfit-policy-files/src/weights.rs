@@ -246,6 +246,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
             Some(Front::Encoder(Encoder { network, passed, latent }))
         }
         Some(FrontHeader::Graph { inputs, output }) => {
+            // The graph's inputs are looked up in the interface, which comes from a file and may be wrong.
             header.interface.check()?;
             let graph = onnx::graph_again(tensors.bytes(GRAPH)?, &header.interface, &inputs, &output)?;
             Some(Front::Graph(graph))

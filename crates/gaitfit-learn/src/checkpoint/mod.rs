@@ -226,6 +226,7 @@ impl Training<'_> {
             runner.returns.as_flattened_mut().copy_from_slice(&returns);
             let count = runner.environment.count();
             let mut memories = [Vec::new(), Vec::new()];
+            // For no robots: this only shows which of the two have layers.
             let blank = self.learner.blank_memories(0);
             for ((values, name), blank) in memories.iter_mut().zip(MEMORIES).zip(blank) {
                 if blank.is_empty() {
@@ -262,6 +263,7 @@ fn header(bytes: &[u8]) -> Result<Header, CheckpointError> {
         format: u32,
     }
     let version: Version = serde_json::from_str(text).map_err(damaged)?;
+    // Before the checksum and the other fields, so that a file of another version is not called damaged.
     if version.format != FORMAT {
         return Err(CheckpointError::Format { found: version.format });
     }

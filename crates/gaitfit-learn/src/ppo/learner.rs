@@ -58,6 +58,7 @@ impl Learner {
     /// [`LearnerError`] for bad settings, among them networks too large for these rows, or an empty row.
     pub fn new(settings: Settings, widths: Widths, seed: u64) -> Result<Self, LearnerError> {
         let (actor, critic) = settings.shapes(widths)?;
+        // The numbers 0 to 3 keep the draws of the four parts apart.
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
         let critic = Network::random(critic, seed, 1, 1.0)?;
         let log_std = vec![settings.initial_std.ln() as f32; widths.action];
@@ -114,6 +115,7 @@ impl Learner {
             ("actor's observation", &actor_memory, widths.observation),
             ("critic's observation", &critic_memory, widths.critic_observation),
         ] {
+            // Without a memory the check of the network itself finds an empty input.
             if memory.is_some() && observed == 0 {
                 return Err(ShapeError::EmptyLayer(what.to_owned()).into());
             }

@@ -185,6 +185,7 @@ impl SequenceWorker<f32> {
         for (to, (tile, row)) in rows(tiles, places, steps).enumerate() {
             let (source, width, _) = of(tile);
             copy(input, to, source, row, width, scale);
+            // An episode that begins with the first step needs no mark: its memory before that step is zero.
             begins.push(row.checked_sub(tile.environments).is_some_and(|before| tile.done[before] != 0.0));
         }
         [steps, places.len()]

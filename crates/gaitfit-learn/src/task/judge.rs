@@ -43,6 +43,7 @@ impl Environment<'_> {
                 robots.clone().map(|index| self.moment(index, action(index))).collect();
             let whole: Vec<bool> = robots.clone().map(|index| self.is_whole(index)).collect();
             self.task.rewards.pay(&moments, &whole, &mut scratch, &mut values);
+            // The moments borrow the environment, which `settle` changes.
             let reached: Vec<_> = moments.iter().map(|moment| (moment.velocity, moment.fallen)).collect();
             for (place, (index, (velocity, fallen))) in robots.zip(reached).enumerate() {
                 let values = &values[place * terms..(place + 1) * terms];
@@ -61,6 +62,7 @@ impl Environment<'_> {
         let joints = self.task.start_pose.len();
         let three = 3 * index..3 * (index + 1);
         let mut base = motion.base_linear[three.clone()].iter().chain(&motion.base_angular[three.clone()]);
+        // NaN fails the comparisons too.
         base.all(|x| x.abs() <= FASTEST_BASE)
             && motion.joint_velocity[joints * index..joints * (index + 1)]
                 .iter()

@@ -181,6 +181,7 @@ fn render(template: &str, page: impl Serialize) -> Result<String, PolicyError> {
     environment.set_auto_escape_callback(|_| AutoEscape::None);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     let failed = |error: minijinja::Error| invalid(format!("the text cannot be made: {error}"));
+    // A line with nothing but a statement of the template leaves no empty line.
     let syntax =
         SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).keep_trailing_newline(true).build();
     environment.set_syntax(syntax.map_err(failed)?);

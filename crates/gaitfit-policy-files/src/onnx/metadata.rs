@@ -70,6 +70,7 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
 
 /// Bytes before the digits of the checksum in a file; `None` for a file without one.
 fn before(bytes: &[u8]) -> Option<&[u8]> {
+    // Weights can hold the key's bytes by chance, so only those that the JSON follows count.
     let starts = bytes.windows(ENCODED_KEY.len()).enumerate().filter(|(_, window)| *window == ENCODED_KEY);
     starts.map(|(start, _)| start).find_map(|start| {
         let length = start + ENCODED_KEY.len();

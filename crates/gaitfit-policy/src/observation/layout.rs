@@ -178,6 +178,7 @@ impl Layout {
             if let (Quantity::EarlierAction, Some((place, factors)), Some(past)) =
                 (slot.quantity, &self.last_action, past)
             {
+                // The row holds it scaled.
                 let before = past[*place..].iter().zip(factors);
                 out.iter_mut().zip(before).for_each(|(out, (value, factor))| *out = value / factor);
             }

@@ -85,6 +85,7 @@ impl GroundChoice {
         };
         let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| wrong(&error))?;
+        // The file may be a training's configuration or a task, which have the terrain in a table.
         if let Some(toml::Value::Table(task)) = table.remove("task") {
             table = task;
         }

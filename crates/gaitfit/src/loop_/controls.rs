@@ -52,6 +52,7 @@ pub fn wanted(
 pub fn count(setup: &Setup, target: Option<&Target>) -> usize {
     let controls = &setup.config.controls;
     let asked = [controls.nominal, controls.randomised, controls.draws, controls.truth.is_some()];
+    // A training and a measurement each.
     if target.is_some_and(Target::measures) { 2 * asked.into_iter().filter(|&one| one).count() } else { 0 }
 }
 

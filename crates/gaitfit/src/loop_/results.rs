@@ -117,6 +117,7 @@ pub fn adapted(round: u32, rounds: u32) -> String {
 /// Name of the policy after so many rounds.
 pub fn policy_name(round: u32) -> String {
     let digits = round.to_string();
+    // Subscripts: U+2080 is ₀.
     let below = digits.chars().filter_map(|digit| char::from_u32(0x2080 + digit.to_digit(10)?));
     format!("π{}", below.collect::<String>())
 }

@@ -249,6 +249,7 @@ impl Run<'_> {
                 folder.path().display()
             )));
         }
+        // A finished folder stays as it is.
         if folder.read(SEED)?.is_none() {
             protocol.begin()?;
             files::begin(&folder, setup)?;
@@ -265,6 +266,7 @@ impl Run<'_> {
                 format!("interrupted; {} has what is done, the same command continues", folder.display());
             return Error::interrupted(message, folder);
         }
+        // Errors of settings name their file already.
         if error.to_string().contains(&file) { error } else { error.within(format!("{file}:")) }
     }
 }

@@ -78,6 +78,7 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
         )));
     }
     let mut config: LoopConfig = settings::load(Some(&file), sets)?;
+    // The table names the folders.
     config.name = None;
     // All logs count, as in the paper.
     config.held_out = 0;
@@ -137,6 +138,7 @@ impl Experiment {
             target.seed = target.seed.saturating_add(offset);
         }
         let optimizer = &mut config.adapt.optimizer;
+        // A fit takes consecutive seeds, at most this many: those of the next repetition begin behind them.
         optimizer.seed =
             optimizer.seed.saturating_add(offset.saturating_mul(optimizer.seed_count(true) as u64));
         for training in &mut config.finetune.seeds {
@@ -159,6 +161,8 @@ pub fn shared(experiments: &[Experiment], scenario: &str, seed: u64) -> Option<L
             }
         }
     }
+    // Nothing else of the fits: they differ from cell to cell, and the shared folder belongs to one set of
+    // settings.
     config.adapt = settings::AdaptConfig { costs, ..settings::AdaptConfig::default() };
     Some(config)
 }

@@ -99,6 +99,7 @@ impl Paper {
         let parts = cell.parts();
         let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
         let resid_act = parts.is_some_and(|[_, modification, _]| modification == "residact");
+        // The spring is on one joint, and its cells have the networks of this joint only.
         let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
         let chosen = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
         let more = chosen(networks, &self.full_networks)
@@ -130,6 +131,7 @@ impl Paper {
 impl PaperCell {
     /// Scenario, modification and cost.
     pub fn parts(&self) -> Option<[&str; 3]> {
+        // From the end: names of scenarios have hyphens too.
         let mut parts = self.name.rsplitn(3, '-');
         let (cost, modification, scenario) = (parts.next()?, parts.next()?, parts.next()?);
         Some([scenario, modification, cost])

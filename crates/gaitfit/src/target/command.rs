@@ -68,6 +68,7 @@ impl Command {
     /// As it says, by setting.
     pub fn check_programs(&self) -> Result<(), Error> {
         for (setting, words) in [("target.collect", &self.collect), ("target.evaluate", &self.evaluate)] {
+            // A place in braces, such as {python}, is filled later.
             let missing = words.first().is_some_and(|program| !program.contains('{') && !installed(program));
             if missing {
                 let problem = "cannot be started: there is no such program; is it installed and on the path?";
