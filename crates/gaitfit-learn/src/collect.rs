@@ -58,7 +58,8 @@ pub fn collect(
     in_tiles(options.count, TILE, threads, |first, count| collect_tile(subject, options, first, count))
 }
 
-/// The same logs, each given to `each` with its trajectory's number as soon as its tile is done, from any thread and in any order.
+/// Records the same logs and gives each to `each` with its trajectory's number as soon as its tile is done,
+/// from any thread and in any order.
 ///
 /// # Errors
 /// As [`collect`], and the first error of `each`, after which no further tile begins.

@@ -39,7 +39,7 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     }
 }
 
-/// What a policy sees and what its outputs mean, and the settings of the task it was trained on (empty where they are not
+/// Returns a policy's interface and the settings of the task it was trained on (empty where they are not
 /// known): of any file that [`read`] reads, or of a description that names no `file`.
 ///
 /// # Errors

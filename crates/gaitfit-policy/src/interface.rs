@@ -341,8 +341,8 @@ impl Interface {
         Ok(())
     }
 
-    /// What to say where `model` has another name than the policy's robot. Related robots share joint names, so a policy may
-    /// run on a robot that it was not trained for.
+    /// Note for a `model` that has another name than the policy's robot. Related robots share joint names, so
+    /// a policy may run on a robot that it was not trained for.
     pub fn other_robot(&self, model: &Model) -> Option<String> {
         (!self.robot.is_empty() && self.robot != model.name).then(|| {
             format!(

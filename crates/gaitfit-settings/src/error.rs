@@ -146,13 +146,13 @@ impl Error {
         gaitfit_run::Error::content(path, problem).into()
     }
 
-    /// The same error, said of a place.
+    /// Adds the place that the error is about.
     #[must_use]
     pub fn within(self, place: impl fmt::Display) -> Self {
         Self::In { place: place.to_string(), source: Box::new(self) }
     }
 
-    /// The same error with a remedy.
+    /// Adds a remedy.
     #[must_use]
     pub fn advised(self, advice: impl fmt::Display) -> Self {
         Self::Advised { source: Box::new(self), advice: advice.to_string() }

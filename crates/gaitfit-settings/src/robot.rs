@@ -65,8 +65,8 @@ pub fn joint_names(model: &Model) -> Vec<String> {
     model.joints.iter().map(|joint| joint.name.clone()).collect()
 }
 
-/// What to know of a robot that was read, before trusting what it shows: what was added or mended, what a lenient
-/// reading took away, what bounds no torque or touches no ground.
+/// Remarks on a robot that was read, to know before trusting what it shows: what was added or mended, what a
+/// lenient reading took away, what bounds no torque or touches no ground.
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();

@@ -69,8 +69,8 @@ impl Estimate {
         Some(Self { mean: mean(values)?, ci95: (values.len() > 1).then(|| student * error()) })
     }
 
-    /// Of a share: `hits` of `count`, with Wilson's interval (Wilson 1927), whose half width is not zero at 0 and
-    /// 1. The mean is the plain share; there is none of nothing.
+    /// Estimate of a share: `hits` of `count`, with Wilson's interval (Wilson 1927), whose half width is not
+    /// zero at 0 and 1. The mean is the plain share; there is none of nothing.
     pub fn share(hits: usize, count: usize) -> Option<Self> {
         if count == 0 {
             return None;

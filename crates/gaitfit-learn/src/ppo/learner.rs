@@ -89,8 +89,8 @@ impl Learner {
         Self::with_memories(settings, widths, seed, [actor, critic], [None, None], log_std)
     }
 
-    /// The same with recurrent layers before the actor and before the critic, `memories` in this order, where there are
-    /// any. A network behind a memory takes its output.
+    /// As [`Learner::with_networks`], with recurrent layers before the actor and before the critic,
+    /// `memories` in this order, where there are any. A network behind a memory takes its output.
     ///
     /// # Errors
     /// As there.
@@ -211,7 +211,7 @@ impl Learner {
         self.means_with(rows, observation, &mut memory, mean, scratch);
     }
 
-    /// The same of `rows` environments side by side, with what the actor remembers of them
+    /// As [`Learner::means`], for `rows` environments side by side, with what the actor remembers of them
     /// ([`Learner::blank_memories`]), which takes in the observations.
     ///
     /// # Panics

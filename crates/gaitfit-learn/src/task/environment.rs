@@ -78,8 +78,8 @@ impl<'a> Environment<'a> {
         }
     }
 
-    /// The same around several robots: environment number `e` around number `e` modulo their count. Their networks must
-    /// be the same.
+    /// As [`Environment::new`], around several robots: environment number `e` around number `e` modulo their
+    /// count. Their networks must be the same.
     ///
     /// # Errors
     /// As [`Environment::new`]; no robots, or robots whose networks differ.

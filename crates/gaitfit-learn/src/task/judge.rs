@@ -123,8 +123,8 @@ impl Environment<'_> {
         }
     }
 
-    /// What environment `index` is paid, if its numbers are whole, and whether its episode ended. `values`: its reward
-    /// terms.
+    /// Returns the pay of environment `index`, whose numbers are whole, and whether its episode ended.
+    /// `values`: its reward terms.
     fn settle(&mut self, index: usize, velocity: [f32; 3], fallen: bool, values: &[f32]) -> (f32, Ended) {
         let task = self.task;
         let command = self.command[index];

@@ -70,8 +70,9 @@ pub struct BaseMoment<R> {
 }
 
 impl<R: Real> BaseMoment<R> {
-    /// Of a base of orientation `quaternion` (wxyz, unit) that moves at `linear` (m/s, world frame) and `angular` (rad/s,
-    /// body frame) under `command`; `posture`: where gravity is wanted in the body frame. Kernels are written from this.
+    /// Values of a base of orientation `quaternion` (wxyz, unit) that moves at `linear` (m/s, world frame)
+    /// and `angular` (rad/s, body frame) under `command`; `posture`: where gravity is wanted in the body
+    /// frame. Kernels are written from this.
     pub fn new(
         quaternion: [R; 4],
         linear: [R; 3],

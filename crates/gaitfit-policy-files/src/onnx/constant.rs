@@ -26,7 +26,8 @@ impl Constant {
         Self { dims: Vec::new(), values: vec![value] }
     }
 
-    /// From the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its containers but another file.
+    /// Reads the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its
+    /// containers but another file.
     pub fn read(tensor: Tensor) -> Result<Self, PolicyError> {
         let name = shown(&tensor.name);
         let length = |&length: &i64| usize::try_from(length).ok();

@@ -194,7 +194,8 @@ impl Recurrent {
             .flat_map(|layer| [&layer.weight_ih[..], &layer.weight_hh, &layer.bias_ih, &layer.bias_hh])
     }
 
-    /// The same to change, with where each lies in the flat vector of [`RecurrentShape::parts`].
+    /// As [`Self::parameters`], to change, with the place of each in the flat vector of
+    /// [`RecurrentShape::parts`].
     pub fn parameters_mut(&mut self) -> impl Iterator<Item = (Part, &mut [f32])> {
         let parts = self.shape().parts();
         let arrays = self.layers.iter_mut().flat_map(|layer| {

@@ -32,7 +32,7 @@ pub trait Scalar:
 
     /// The nearest number of this type.
     fn from_f64(x: f64) -> Self;
-    /// The same number in double precision.
+    /// Converts to double precision.
     fn to_f64(self) -> f64;
     /// self · a + b: in one rounding if `FUSED`, which only code compiled for fused multiply-add may ask for (elsewhere
     /// it is a slow call), else in two.

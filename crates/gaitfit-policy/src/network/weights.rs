@@ -21,7 +21,8 @@ impl<'a, T: Scalar> Weights<'a, T> {
         Self::transposing(shape, parameters, 1)
     }
 
-    /// The same for a network behind another, to which [`super::Tape::to_input`] goes back through the first layer too.
+    /// As [`Self::new`], for a network behind another, to which [`super::Tape::to_input`] goes back through
+    /// the first layer too.
     pub fn behind_another(shape: &'a Shape, parameters: &'a [T]) -> Self {
         Self::transposing(shape, parameters, 0)
     }

@@ -166,9 +166,9 @@ impl Legs {
         numbers
     }
 
-    /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where
-    /// sample `sample` of `course` says; `None` where too little load rests on them. `base`: orientation and
-    /// rates (rad/s, body frame) of the base there.
+    /// Returns the change of the base with which the standing feet go on as they do in `motion` when robot
+    /// `index` is put where sample `sample` of `course` says; `None` where too little load rests on them.
+    /// `base`: orientation and rates (rad/s, body frame) of the base there.
     pub fn change(
         &self,
         feet: &Feet,

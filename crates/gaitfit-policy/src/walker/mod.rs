@@ -269,8 +269,8 @@ impl Walker {
         self.fall.uprightness(up)
     }
 
-    /// Least uprightness and least height (m) of a robot that has not fallen, and where gravity is in the body frame in the
-    /// wanted posture.
+    /// Min uprightness and min height (m) of a robot that has not fallen, and where gravity is in the body
+    /// frame in the wanted posture.
     pub fn fall_limits(&self) -> (f32, f32, [f32; 3]) {
         (self.fall.least_uprightness, self.fall.height, self.fall.posture)
     }

@@ -23,7 +23,7 @@ pub fn standing(model: &Model, quaternion: [f64; 4], angles: &[f64]) -> Start {
     }
 }
 
-/// The same at `place` (x and y of the base's origin, m) on uneven ground: no geom is in it.
+/// As [`standing`], at `place` (x and y of the base's origin, m) on uneven ground: no geom is in it.
 pub fn standing_on(
     model: &Model,
     ground: &Surface,

@@ -265,8 +265,8 @@ fn has_play(config: &AdaptConfig) -> bool {
     config.base == Base::Fixed && config.parameter.iter().any(|rule| rule.kind == JointParameter::Play)
 }
 
-/// How to search. Networks whose hidden weights are searched begin where no derivative shows a way; in replays of legs in
-/// the air a joint crosses its play or does not, which derivatives do not foresee.
+/// Returns the search's method. Networks whose hidden weights are searched begin where no derivative shows a
+/// way; in replays of legs in the air a joint crosses its play or does not, which derivatives do not foresee.
 fn method(config: &AdaptConfig) -> Method {
     let hidden = config.network.iter().any(|rule| rule.start != NetworkStart::Features);
     if (hidden || has_play(config)) && config.optimizer.method == Method::Auto {

@@ -144,8 +144,8 @@ pub enum Better {
 }
 
 impl Comparison {
-    /// Which of both tracks better: the sign of the difference of both errors added, or of the distances from a motion that both
-    /// follow, if its interval excludes zero.
+    /// Returns which of both tracks better: the sign of the difference of both errors added, or of the
+    /// distances from a motion that both follow, if its interval excludes zero.
     pub fn better(&self) -> Better {
         let Estimate { mean, ci95 } = self.motion_error.unwrap_or(self.tracking_error);
         // Without an interval nothing is known.

@@ -39,8 +39,8 @@ const COLUMNS: usize = 2;
 const MAX_BYTES: u64 = 1 << 20;
 
 impl GroundChoice {
-    /// What is said on the command line: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose `[terrain]` or
-    /// `[task.terrain]` counts, or else the whole of it.
+    /// Reads the command line's value: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose
+    /// `[terrain]` or `[task.terrain]` counts, or else the whole of it.
     ///
     /// # Errors
     /// An unknown kind, a file that cannot be read.

@@ -315,8 +315,8 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
     Ok(settings)
 }
 
-/// What a run is bound to: its settings without those that do not change what an iteration does. Files count by their
-/// hashes, the robot as what it is.
+/// Returns the settings that a run is bound to: all without those that do not change what an iteration does.
+/// Files count by their hashes, the robot as what it is.
 fn bound(config: &FinetuneConfig) -> FinetuneConfig {
     let mut bound = config.clone();
     bound.name = None;

@@ -101,7 +101,7 @@ impl Metric {
         }
     }
 
-    /// Its line.
+    /// Returns its line of `metrics.jsonl`.
     pub fn line(&self) -> Result<String, Error> {
         let line = serde_json::to_string(self)
             .map_err(|error| Error::failed(format!("cannot write the metrics: {error}")))?;

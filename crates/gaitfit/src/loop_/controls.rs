@@ -168,7 +168,8 @@ mod tests {
         Measurement { on: on.to_owned(), evaluation }
     }
 
-    /// What is said of π₁ with this much more error than the randomised policy, and of the nominal one 0.2 worse.
+    /// Returns the text and warnings for π₁ with this much more error than the randomised policy, and of the
+    /// nominal one 0.2 worse.
     fn said(more: f64) -> (Option<String>, Vec<String>) {
         let hard = |k: u32| 0.2 + f64::from(k % 10) / 20.0;
         let noise = |k: u32| if k.is_multiple_of(2) { 0.004 } else { -0.004 };

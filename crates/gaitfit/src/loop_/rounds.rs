@@ -329,8 +329,8 @@ fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<St
     }
 }
 
-/// What to know before trusting the numbers: what policies do on the target, then their training, the fits, and the
-/// logs. The doubts about the last fit are said elsewhere.
+/// Warnings to read before trusting the numbers: what policies do on the target, then their training, the
+/// fits, and the logs. The doubts about the last fit are said elsewhere.
 fn warnings(
     rounds: &[RoundResult],
     fits: &[adapt::Setup],

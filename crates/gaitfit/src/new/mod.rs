@@ -328,7 +328,8 @@ impl Inputs<'_> {
     }
 }
 
-/// What the logs show of the delay without a fit: of swinging legs, and from rows to the stamps of their targets.
+/// Describes the delay that the logs show without a fit: of swinging legs, and from rows to the stamps of
+/// their targets.
 fn delay(setup: &Setup) -> Option<String> {
     let swings = setup.swings.as_ref().and(setup.config.prior.get("delay"));
     let swings = swings.map(|delay| {

@@ -148,8 +148,8 @@ impl Experiment {
     }
 }
 
-/// What the cells of a scenario share, as one configuration: the target, whose logs have the base's state if any cell
-/// needs it, and the training of the reference.
+/// Returns one configuration for what the cells of a scenario share: the target, whose logs have the base's
+/// state if any cell needs it, and the training of the reference.
 pub fn shared(experiments: &[Experiment], scenario: &str, seed: u64) -> Option<LoopConfig> {
     let mut same_scenario = experiments.iter().filter(|one| one.scenario == scenario);
     let mut config = same_scenario.next()?.seeded(seed);

@@ -120,7 +120,7 @@ impl Paper {
         errors
     }
 
-    /// Their mean, as printed or computed.
+    /// Mean of [`Self::errors`], as printed or computed.
     pub fn mean_error(&self, cell: &PaperCell) -> Option<f64> {
         let errors = self.errors(cell);
         let mean = (!errors.is_empty()).then(|| errors.values().sum::<f64>() / errors.len() as f64);

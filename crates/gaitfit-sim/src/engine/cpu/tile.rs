@@ -151,8 +151,8 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     }
 }
 
-/// What `seconds` of the last acceleration (angular and linear, world frame) change in the angular (body frame) and linear
-/// velocity of a base with orientation `quaternion`. `two`: 2.
+/// Returns the change of the angular (body frame) and linear velocity by `seconds` of the last acceleration
+/// (angular and linear, world frame), of a base with orientation `quaternion`. `two`: 2.
 fn velocity_change<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>>(
     [angular, linear]: [[T; 3]; 2],
     quaternion: [T; 4],
