@@ -11,7 +11,7 @@ use crate::player::Player;
 use crate::task::{Ended, Environment, Task, TaskError};
 use crate::tiles::in_tiles;
 
-/// What is recorded.
+/// Settings of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CollectOptions {
     /// Trajectories.

@@ -13,7 +13,7 @@ use crate::task::{Interval, Task, TaskError};
 /// Rewards that measure tracking; their greatest value is 1.
 const TRACKING: [&str; 2] = ["track_linear_velocity", "track_yaw_rate"];
 
-/// How far the commands of a training have grown: a part of its state.
+/// Growth of a training's commands so far: a part of its state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {

@@ -41,7 +41,7 @@ pub struct Description {
     pub encoder: Option<EncoderTensors>,
     /// Normaliser of the actor's observation in safetensors; it becomes part of the actor's first layer.
     pub normaliser: Option<NormaliserTensors>,
-    /// The same of the critic's observation.
+    /// Normaliser of the critic's observation.
     pub critic_normaliser: Option<NormaliserTensors>,
     /// Standard deviation of the actions, for training on; safetensors with `log_std` or `std` have their own.
     #[serde(default = "half")]

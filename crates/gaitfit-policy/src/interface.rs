@@ -109,9 +109,9 @@ pub struct Interface {
 #[error("{0}")]
 pub struct InterfaceError(pub String);
 
-/// Most joints, and most terms of an observation.
+/// Max number of joints, and of terms of an observation.
 const MAX_JOINTS: usize = 256;
-/// Most frames of a term, and most numbers of an observation.
+/// Max number of frames of a term, and of numbers of an observation.
 const MAX_FRAMES: usize = 256;
 const MAX_NUMBERS: usize = 1 << 16;
 /// Longest name of a robot or a joint, bytes.

@@ -53,7 +53,7 @@ pub struct PhysicsBench {
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.
     pub substeps_per_second: f64,
-    /// The same, best repetition.
+    /// Substeps a second of the best repetition.
     pub best_substeps_per_second: f64,
     /// Threads used.
     pub threads: usize,

@@ -18,7 +18,8 @@ pub struct Motion {
     pub joint_position: Vec<f32>,
     /// Joint velocities, rad/s; `× joints`.
     pub joint_velocity: Vec<f32>,
-    /// The same as sensors read them; empty where they read them at once. See [`Motion::velocity_readings`].
+    /// Velocities as sensors read them; empty where they read them at once. See
+    /// [`Motion::velocity_readings`].
     pub filtered_velocity: Vec<f32>,
     /// Orientation and angular velocity of the base as a late inertial unit reads them: a mean of quaternions (wxyz, nearly
     /// unit) and rad/s, body frame; `× 7`. Absent if it reads the present. See [`Motion::imu_reading`].

@@ -62,7 +62,7 @@ pub struct Direction {
     pub ahead: Robot,
     /// A robot before.
     pub behind: Robot,
-    /// How far `ahead` is from `behind`, in the unit of the direction.
+    /// Distance of `ahead` from `behind`, in the unit of the direction.
     pub distance: f64,
 }
 

@@ -11,7 +11,7 @@ use crate::tiles::in_tiles;
 /// Environments that one thread advances together.
 const TILE: usize = 64;
 
-/// How one robot fared on its cell.
+/// Result of one robot on its cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Crossing {
     /// Its cell.
@@ -20,9 +20,9 @@ pub struct Crossing {
     pub crossed: bool,
     /// Whether it fell, or its state stopped being a number, before it left the cell.
     pub fell: bool,
-    /// How far it came from where it started, as the crow flies, m.
+    /// Distance from where it started, in a straight line, m.
     pub distance: f64,
-    /// How long that took: until it left, fell, or time was up, s.
+    /// Time until it left, fell, or time was up, s.
     pub seconds: f64,
 }
 

@@ -12,7 +12,7 @@ use crate::task::{Ended, Environment, Task, TaskError};
 /// The result of one constant command, over several robots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriftTrial {
-    /// What was commanded, for example `+x`.
+    /// Name of the command, for example `+x`.
     pub name: &'static str,
     /// Command: forward, left (m/s), yaw rate (rad/s).
     pub command: [f64; 3],

@@ -36,17 +36,17 @@ pub enum LearnerError {
     Untrainable {
         /// Which.
         what: &'static str,
-        /// What of it.
+        /// Property that prevents it.
         why: String,
     },
     /// Parts that do not fit each other.
     #[error("{what} is {found} wide, the learner needs {expected}")]
     Width {
-        /// Which part.
+        /// Part whose width is wrong.
         what: &'static str,
-        /// What the rows need.
+        /// Width that the rows need.
         expected: usize,
-        /// What there is.
+        /// Width that was given.
         found: usize,
     },
 }

@@ -33,7 +33,7 @@ pub enum StateError {
         "tensor `{name}` has {found} numbers, this learner has {expected}: the state is of another network"
     )]
     Size {
-        /// Which tensor.
+        /// Name of the tensor.
         name: String,
         /// Numbers in this learner.
         expected: usize,
@@ -43,9 +43,9 @@ pub enum StateError {
     /// A number that cannot be.
     #[error("`{name}` is {value} in the learner's state: the file is damaged")]
     Number {
-        /// Which tensor or scalar.
+        /// Name of the tensor or scalar.
         name: String,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
     /// Statistics of rows of another width, or there where the settings have none.

@@ -14,9 +14,9 @@ pub(super) const TILE: usize = 512;
 /// Where a sample lies; or, of learners with a memory, all samples of one environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    /// Which tile of environments.
+    /// Tile of environments.
     pub(super) tile: u32,
-    /// Which row of it, or which environment.
+    /// Row of the tile, or environment of it.
     pub(super) row: u32,
 }
 

@@ -98,7 +98,7 @@ impl Default for Operand {
 pub struct Step {
     /// What it does.
     pub operator: Operator,
-    /// What it works on.
+    /// Its operands.
     pub inputs: Vec<Operand>,
     /// The value that it gives.
     pub output: usize,
@@ -124,7 +124,7 @@ pub enum Operator {
     },
     /// `many` products of matrices, `rows × inner` and `inner × outer`; a factor that is not repeated is there once.
     Products {
-        /// How many products.
+        /// Number of products.
         many: usize,
         /// Rows of the first factor.
         rows: usize,
@@ -141,7 +141,7 @@ pub enum Operator {
         what: Reduction,
         /// Place in the output of each number of the input.
         to: Vec<u32>,
-        /// How many go to a place.
+        /// Numbers that go to a place.
         each: usize,
     },
     /// A function of the numbers along an axis of `length`, `stride` apart.

@@ -15,8 +15,8 @@ pub struct Network {
     pub shape: Shape,
     /// All weights and biases, [`Shape::parameters`] of them, from a cache line's beginning on.
     pub parameters: AVec<f32>,
-    /// What normalises the sums of each hidden layer before its activation; layers beyond the list have none. For
-    /// inference: trainings refuse it.
+    /// Layer norms of the sums of each hidden layer before its activation; layers beyond the list have none.
+    /// For inference: trainings refuse it.
     pub norms: Vec<Option<LayerNorm>>,
     /// Function of the output; none is linear. For inference.
     pub output: Option<Activation>,

@@ -12,9 +12,9 @@ pub struct RecurrentLayer {
     pub inputs: usize,
     /// Units.
     pub hidden: usize,
-    /// From the input to the gates: `inputs × gates · hidden`, row-major.
+    /// Weights from the input to the gates: `inputs × gates · hidden`, row-major.
     pub weight_ih: Vec<f32>,
-    /// From the last output to the gates: `hidden × gates · hidden`, row-major.
+    /// Weights from the last output to the gates: `hidden × gates · hidden`, row-major.
     pub weight_hh: Vec<f32>,
     /// Bias of the input's product, `gates · hidden`.
     pub bias_ih: Vec<f32>,

@@ -71,10 +71,10 @@ struct LayerTape<T> {
     gates: AVec<T>,
     /// `rows × gates · hidden`.
     of_output: AVec<T>,
-    /// Before and after every step, `rows × hidden`.
+    /// Output before and after every step, `rows × hidden`.
     output_before: AVec<T>,
     output: AVec<T>,
-    /// The same of an LSTM's cell.
+    /// Cell of an LSTM before and after every step.
     cell_before: AVec<T>,
     cell: AVec<T>,
 }

@@ -22,7 +22,7 @@ pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
 pub use start::{GAP, standing, standing_on};
 
-/// How a policy's robot is simulated, and when it counts as fallen.
+/// Settings of a policy's robot: how it is simulated, and when it counts as fallen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WalkerOptions {
     /// Physics steps between actions.

@@ -109,7 +109,7 @@ pub const FREE: [&str; 8] = [
     "target.yes",
 ];
 
-/// How a loop searches with another cost than that of its defaults.
+/// Search of a loop whose cost is not that of its defaults.
 const SHORT: &str = "optimizer = { generations = 100, seeds = 2 }";
 
 /// Settings of `[adapt]` and `[finetune]` that the loop decides.

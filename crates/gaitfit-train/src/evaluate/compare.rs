@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 /// state stopped being a number, which counts as a fall.
 pub type TrajectoryErrors = Option<[f64; 3]>;
 
-/// What one policy does more than another: differences with half their 95 % confidence intervals. Errors are
-/// differences of what lies below: a negative one is a smaller error.
+/// Differences of one policy minus another, with half their 95 % confidence intervals. Errors are differences
+/// of what lies below: a negative one is a smaller error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The policy.

@@ -33,7 +33,8 @@ pub struct Plan {
     pub device: Device,
 }
 
-/// What was measured. Of a program's document only the errors and falls are needed; a number it lacks is NaN.
+/// Results of a measurement. Of a program's document only the errors and falls are needed; a number it lacks
+/// is NaN.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// The policy, by file or name.
@@ -60,7 +61,7 @@ pub struct Evaluation {
     /// Root-mean-square distance of the joints from the motion that the policy follows, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error: Option<Estimate>,
-    /// The same of a robot that stays in the motion's first pose.
+    /// Distance of a robot that stays in the motion's first pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error_at_rest: Option<f64>,
     /// Length of the motion, s.
@@ -141,7 +142,7 @@ impl Evaluation {
 /// The result of one constant command, over several robots; see [`gaitfit_learn::evaluate::DriftTrial`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriftResult {
-    /// What was commanded, for example `+x`.
+    /// Name of the command, for example `+x`.
     pub name: String,
     /// Command: forward, left (m/s), yaw rate (rad/s).
     pub command: [f64; 3],

@@ -63,7 +63,7 @@ pub struct Evaluated {
     pub ground: Option<OnGround>,
     /// An arrangement of joints, signs and scales with which it walks, where most robots fall.
     pub diagnosis: Option<Diagnosis>,
-    /// How long it took, s.
+    /// Wall time, s.
     pub wall_seconds: f64,
 }
 

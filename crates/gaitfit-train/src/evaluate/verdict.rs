@@ -21,8 +21,8 @@ const NOWHERE: f64 = 0.8;
 pub struct Verdict {
     /// Whether it walks.
     pub walks: bool,
-    /// How far it is from walking: falls and velocity error are each divided by the limit for a policy that walks, and the
-    /// larger ratio counts.
+    /// Distance from a policy that walks: falls and velocity error are each divided by the limit for a policy
+    /// that walks, and the larger ratio counts.
     pub shortfall: f64,
     /// The evidence, in a sentence.
     pub text: String,

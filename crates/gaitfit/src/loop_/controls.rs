@@ -12,7 +12,7 @@ use crate::target::{PolicyFiles, Target};
 use gaitfit_view::Estimate;
 use std::path::PathBuf;
 
-/// Their names, and their folders.
+/// Names of the controls, and their folders.
 pub const PLACES: [(&str, &str); 4] =
     [(NOMINAL, "nominal"), (RANDOMISED, "randomised"), (DRAWN, "draws"), (KNOWN, "truth")];
 

@@ -24,10 +24,10 @@ pub struct Results {
     /// The best policy beside the others, where all were measured: on the target, or else in the last adapted simulator.
     #[serde(default)]
     pub comparisons: Vec<Comparison>,
-    /// What the robot's own sensors say of the policies that walked on it.
+    /// Results of the robot's own sensors for the policies that walked on it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub walked: Vec<Walked>,
-    /// What the fit bought over training without logs, in a sentence; absent without such policies.
+    /// Gain of the fit over training without logs, in a sentence; absent without such policies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bought: Option<String>,
     /// Name of the policy it began with.
@@ -36,11 +36,11 @@ pub struct Results {
     pub after: String,
     /// That policy's file.
     pub policy: String,
-    /// The same as ONNX.
+    /// That policy's ONNX file.
     pub onnx: String,
     /// Why there was no further round.
     pub stopped_because: String,
-    /// What to do next, where the loop cannot.
+    /// Next step, if the user has to take it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next: Option<String>,
     /// Why the robot was not there, as the programs reported it that were to find it; absent if it was.
@@ -55,7 +55,7 @@ pub struct Results {
     pub run_folder: String,
     /// Wall time of all stages, over all sessions, s.
     pub wall_seconds: f64,
-    /// The same by stage.
+    /// Wall time by stage, s.
     pub stage_seconds: IndexMap<String, f64>,
 }
 

@@ -40,7 +40,7 @@ pub struct NewSettings {
 /// Something that was assumed or measured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Assumed {
-    /// What it is about.
+    /// Subject of the assumption.
     pub what: &'static str,
     /// The value, and where it comes from.
     pub value: String,

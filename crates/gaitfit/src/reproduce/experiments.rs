@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 pub struct Experiment {
     /// The cell in the paper.
     pub paper: PaperCell,
-    /// What is different on the target.
+    /// Name of the scenario: the difference on the target.
     pub scenario: String,
-    /// What is fitted, and the cost that is minimised.
+    /// Names of the modification that is fitted and of the cost that is minimised.
     pub parts: [String; 2],
     /// Its file.
     pub file: PathBuf,

@@ -26,9 +26,9 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Result of a program.
 #[derive(Debug)]
 pub struct Output {
-    /// How it ended.
+    /// Its exit status.
     pub status: ExitStatus,
-    /// What it printed.
+    /// Its standard output.
     pub out: Vec<u8>,
     /// The last lines of its standard error.
     pub last: String,
@@ -53,7 +53,7 @@ pub enum ProcessError {
     Timeout {
         /// How long it may take, s.
         seconds: f64,
-        /// What it said last.
+        /// Its last lines of standard error.
         said: String,
     },
     /// It printed too much.

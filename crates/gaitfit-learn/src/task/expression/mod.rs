@@ -39,7 +39,7 @@ const MAX_FOLDS: usize = 32;
 /// A part of an expression: a number, or one for each element of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Node {
-    /// The same number always.
+    /// A constant.
     Number(f32),
     /// Numbers of a quantity, by their places in it. One place is a number, several are a row.
     Quantity(Quantity, Vec<usize>),

@@ -29,7 +29,7 @@ pub enum One {
 }
 
 impl One {
-    /// Those that are written as functions, by name.
+    /// Operations that are written as functions, by name.
     pub const FUNCTIONS: &'static [(&'static str, Self)] = &[
         ("abs", Self::Abs),
         ("sqrt", Self::Sqrt),

@@ -31,7 +31,7 @@ impl<'a> Names<'a> {
     }
 }
 
-/// What the numbers of a quantity are of.
+/// Parts of the robot that the numbers of a quantity belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Elements {
     /// It is a single number.

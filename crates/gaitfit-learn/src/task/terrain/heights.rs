@@ -41,7 +41,7 @@ struct Shape<'a> {
     kind: TerrainKind,
     /// −1 for a pit, 1 for a pyramid.
     sign: f64,
-    /// How far along the levels it is, 0 to 1.
+    /// Share of the way from the first level to the last, 0 to 1.
     fraction: f64,
     /// Draws of its noise.
     noise: Stream,
