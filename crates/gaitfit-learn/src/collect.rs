@@ -11,7 +11,7 @@ use crate::player::Player;
 use crate::task::{Ended, Environment, Task, TaskError};
 use crate::tiles::in_tiles;
 
-/// What is recorded.
+/// Settings of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CollectOptions {
     /// Trajectories.
@@ -58,7 +58,8 @@ pub fn collect(
     in_tiles(options.count, TILE, threads, |first, count| collect_tile(subject, options, first, count))
 }
 
-/// The same logs, each given to `each` with its trajectory's number as soon as its tile is done, from any thread and in any order.
+/// Records the same logs and gives each to `each` with its trajectory's number as soon as its tile is done,
+/// from any thread and in any order.
 ///
 /// # Errors
 /// As [`collect`], and the first error of `each`, after which no further tile begins.
@@ -117,7 +118,8 @@ fn collect_tile(
     Ok(recorder.finish())
 }
 
-/// What is there before an action of environment `index` of `task`, into `row`, as [`Recorder::sense`] takes it.
+/// Writes the state and command before an action of environment `index` of `task` into `row`, as
+/// [`Recorder::sense`] takes it.
 pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mut Vec<f32>) {
     let (motion, joints) = (environment.motion(), &task.walker.joints);
     let range = |values: &'_ [f32]| -> std::ops::Range<usize> {
@@ -140,6 +142,7 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
 
 /// Numbers of a row that [`Recorder::sense`] takes of a robot with this many actions.
 pub fn sensed_width(actions: usize) -> usize {
+    // Command 3; base: position 3, orientation 4, velocity 3, rates 3.
     2 * actions + 16
 }
 
@@ -157,7 +160,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Of the robots of the environments `first..first + count`.
+    /// A recorder for the robots of the environments `first..first + count`.
     pub fn new(subject: &Subject<'_>, options: &CollectOptions, first: u32, count: usize) -> Self {
         let Subject { task, seed, .. } = *subject;
         let interface = &task.walker.interface;
@@ -194,6 +197,7 @@ impl Recorder {
         Self {
             logs: (0..count).map(|_| Collected { trajectory: empty(), fell: false }).collect(),
             shifts: (0..count as u32).map(shift).collect(),
+            // A log without rows could not be written.
             steps: (options.seconds / dt).round().max(1.0) as u32,
             dt,
             joints: task.walker.joints.clone(),
@@ -254,6 +258,7 @@ impl Recorder {
     /// Adds what followed in step number `step` of robot `index`: its action, the targets of all the model's joints (rad),
     /// and whether it fell. To be told of every step, for a log ends at the first fall.
     pub fn act(&mut self, index: usize, step: u32, action: &[f32], targets: &[f32], fell: bool) {
+        // Asked before the fall is noted: the step of the fall is the log's last row.
         let recorded = self.records(index, step);
         let Some(log) = self.logs.get_mut(index) else { return };
         log.fell |= fell;

@@ -13,7 +13,7 @@ use crate::task::{Interval, Task, TaskError};
 /// Rewards that measure tracking; their greatest value is 1.
 const TRACKING: [&str; 2] = ["track_linear_velocity", "track_yaw_rate"];
 
-/// How far the commands of a training have grown: a part of its state.
+/// Growth of a training's commands so far: a part of its state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Growth {
@@ -44,7 +44,7 @@ impl Growth {
         Some(level.min(1.0))
     }
 
-    /// What commands are drawn from in iteration number `iteration`.
+    /// Returns the ranges of commands in iteration number `iteration`.
     pub fn ranges(&self, task: &Task, iteration: u32) -> [Interval; 3] {
         task.settings.command.ranges(self.level(task, iteration).unwrap_or(1.0))
     }
@@ -71,6 +71,7 @@ fn tracking(task: &Task, tally: &Tally) -> Option<f64> {
     let tracking = rewards.filter(|((name, weight), _)| TRACKING.contains(name) && *weight > 0.0);
     let shares = tracking
         .map(|((_, weight), sum)| sum / f64::from(weight) / (tally.steps + tally.lost_steps).max(1.0));
+    // The reward that lags decides: ranges of speed and of yaw rate grow together.
     shares.min_by(f64::total_cmp)
 }
 

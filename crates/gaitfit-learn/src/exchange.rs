@@ -17,7 +17,7 @@ impl Training<'_> {
         self.seed
     }
 
-    /// What robots are varied around: robot number `e` around number `e` modulo their count.
+    /// Candidates that robots are varied around: robot number `e` around number `e` modulo their count.
     pub fn candidates(&self) -> &[Candidate] {
         &self.candidates
     }
@@ -64,7 +64,7 @@ impl Training<'_> {
         Ok(())
     }
 
-    /// What the actor and the critic remember of each environment, a row an environment; empty without memories.
+    /// Memories of the actor and of the critic, a row an environment; empty without recurrent layers.
     pub fn memories(&mut self) -> [Vec<f32>; 2] {
         let mut memories = [Vec::new(), Vec::new()];
         for runner in &mut self.runners {

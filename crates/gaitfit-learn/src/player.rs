@@ -13,7 +13,7 @@ pub struct Player<'a> {
     pub action: Vec<f32>,
     /// Reward of the last step.
     pub reward: Vec<f32>,
-    /// How each episode stands.
+    /// State of each episode.
     pub ended: Vec<Ended>,
     subject: Subject<'a>,
     observation: Vec<f32>,

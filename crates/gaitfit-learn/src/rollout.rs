@@ -16,9 +16,10 @@ pub struct Tally {
     pub tracking: [f64; 2],
     /// Episodes that ended.
     pub episodes: f64,
-    /// Of them, by a fall, or because the simulation diverged.
+    /// Episodes that ended by a fall, or because the simulation diverged.
     pub falls: f64,
-    /// Of them, because the simulation diverged: its last step pays nothing, and is in no sum but that of steps.
+    /// Episodes that ended because the simulation diverged. Their last step pays nothing, and is in no sum
+    /// but that of steps.
     pub diverged: f64,
     /// Their lengths, control steps.
     pub episode_steps: f64,
@@ -84,7 +85,7 @@ pub struct Divergence {
 pub struct Runner<'a> {
     /// The robots.
     pub environment: Environment<'a>,
-    /// What the last rollout left.
+    /// Samples of the last rollout.
     pub recorder: Recorder,
     /// Sums of the last rollout.
     pub tally: Tally,
@@ -153,6 +154,7 @@ impl<'a> Runner<'a> {
                     tally.episode(std::mem::take(so_far), ended[index], environment.steps_left(index));
                 }
             }
+            // Before new episodes begin: the critic values the states in which episodes were cut off.
             recorder.end(learner, ends, |rows| environment.observe_critic(rows));
             environment.begin_episodes(step, ended);
         }

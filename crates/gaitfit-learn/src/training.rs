@@ -85,11 +85,11 @@ impl Default for TrainingSettings {
     }
 }
 
-/// Most steps that are propagated back through at once: they are kept for each robot.
+/// Max steps that are propagated back through at once: activations of every step are kept for each robot.
 const MAX_SEQUENCE: usize = 4096;
 /// Environments that one thread advances together.
 pub(crate) const TILE: usize = 256;
-/// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
+/// Max number of environments, and of samples in a rollout (a sample takes about half a kilobyte).
 const MAX_ENVIRONMENTS: usize = 1 << 20;
 const MAX_SAMPLES: usize = 1 << 24;
 
@@ -147,7 +147,7 @@ pub enum TrainingError {
     },
 }
 
-/// What may help against robots that diverge.
+/// Advice against robots that diverge.
 pub const MEND_DIVERGENCE: &str = "Use more substeps (task.substeps), the preset `accurate`, pyramidal cones (cone) or \
      smaller gains";
 
@@ -170,7 +170,7 @@ fn remedy(term: Option<&str>) -> &'static str {
     }
 }
 
-/// What one iteration did.
+/// Results of one iteration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Iteration {
     /// Number of the iteration, from 0.
@@ -225,7 +225,8 @@ impl<'a> Training<'a> {
         Self::among(task, &[candidate], settings, learner, seed)
     }
 
-    /// The same with robots varied around several: robot number `e` around number `e` modulo their count.
+    /// As [`Training::new`], with robots varied around several: robot number `e` around number `e` modulo
+    /// their count.
     ///
     /// # Errors
     /// As [`Training::new`], and as [`Environment::among`].
@@ -362,7 +363,7 @@ impl<'a> Training<'a> {
         self.iteration
     }
 
-    /// How far its commands have grown; the default without a curriculum.
+    /// Growth of its commands so far; the default without a curriculum.
     pub fn growth(&self) -> Growth {
         self.growth
     }
@@ -421,10 +422,12 @@ impl<'a> Training<'a> {
         let mut samples = Vec::with_capacity(self.runners.len());
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            // The learner takes all tiles as one slice. Samples are moved out and back, which copies nothing.
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
         let updated = self.learner.update(&mut samples, number, threads);
+        // Before a failed update is reported: recorders need their room in any case.
         for (runner, samples) in self.runners.iter_mut().zip(samples) {
             runner.get_mut().unwrap_or_else(PoisonError::into_inner).recorder.samples = samples;
         }

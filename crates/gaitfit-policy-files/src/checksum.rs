@@ -33,7 +33,7 @@ pub(super) fn damaged() -> PolicyError {
     )
 }
 
-/// What stands in the place of the checksum until it is known.
+/// Placeholder of the checksum until it is known.
 pub fn blank() -> String {
     "0".repeat(DIGITS)
 }
@@ -44,7 +44,7 @@ fn place(bytes: &[u8], before: &[u8]) -> Option<Range<usize>> {
     (start + DIGITS <= bytes.len()).then_some(start..start + DIGITS)
 }
 
-/// Of the file with `place` blank.
+/// Checksum of the file with `place` blank.
 fn digest(bytes: &[u8], place: Range<usize>) -> String {
     let mut hash = Sha256::new();
     hash.update(&bytes[..place.start]);

@@ -41,7 +41,7 @@ pub struct Description {
     pub encoder: Option<EncoderTensors>,
     /// Normaliser of the actor's observation in safetensors; it becomes part of the actor's first layer.
     pub normaliser: Option<NormaliserTensors>,
-    /// The same of the critic's observation.
+    /// Normaliser of the critic's observation.
     pub critic_normaliser: Option<NormaliserTensors>,
     /// Standard deviation of the actions, for training on; safetensors with `log_std` or `std` have their own.
     #[serde(default = "half")]
@@ -130,7 +130,7 @@ impl Description {
         })
     }
 
-    /// What the description says about the robot, with files relative to the present folder.
+    /// Returns the policy's interface, with files relative to the present folder.
     ///
     /// # Errors
     /// As [`Interface::check`]; a motion that cannot be read.
@@ -141,7 +141,7 @@ impl Description {
         })
     }
 
-    /// The same with files relative to `folder`, where the description lies.
+    /// Returns the policy's interface, with files relative to `folder`, where the description lies.
     ///
     /// # Errors
     /// As [`Description::interface`].
@@ -322,6 +322,7 @@ impl Description {
         let mut tensors = Tensors::parse(bytes)?;
         let epsilon = self.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
         let kind = (activation, epsilon);
+        // A normaliser before a memory or an encoder is not one of the actor's first layer.
         let normaliser = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
         let mut actor = normalised(&mut tensors, &self.actor, kind, normaliser)?;
         actor.output = self.output_activation;
@@ -349,7 +350,7 @@ impl Description {
         Ok(Loaded { front, critic, log_std, ..Loaded::new(actor) })
     }
 
-    /// What stands before the actor.
+    /// Reads what stands before the actor.
     fn front(
         &self,
         tensors: &mut Tensors<'_>,
@@ -372,7 +373,7 @@ impl Description {
     }
 }
 
-/// What weights files hold.
+/// Contents of weights files.
 struct Loaded {
     front: Option<Front>,
     actor: Network,

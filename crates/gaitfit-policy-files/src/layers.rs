@@ -4,7 +4,7 @@ use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Shape};
 
-/// Most layers of a network from a file.
+/// Max number of layers of a network from a file.
 pub(super) const MAX_LAYERS: usize = 64;
 
 /// One layer y = x W + b, with W `inputs × outputs`, row-major.
@@ -22,8 +22,8 @@ impl Affine {
         transpose(&self.weight, self.inputs, self.outputs)
     }
 
-    /// The same layer behind x ↦ x ∘ factor + offset: Wᵢⱼ becomes factorᵢ Wᵢⱼ and bⱼ becomes
-    /// bⱼ + Σᵢ offsetᵢ Wᵢⱼ, summed in `f64`.
+    /// Returns the layer behind x ↦ x ∘ factor + offset: Wᵢⱼ becomes factorᵢ Wᵢⱼ and bⱼ becomes bⱼ + Σᵢ
+    /// offsetᵢ Wᵢⱼ, summed in `f64`.
     pub fn behind(&self, factor: &[f64], offset: &[f64]) -> Self {
         let mut bias: Vec<f64> = self.bias.iter().map(|&b| f64::from(b)).collect();
         let mut weight = Vec::with_capacity(self.weight.len());

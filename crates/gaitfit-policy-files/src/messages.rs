@@ -1,6 +1,7 @@
 //! Files of other kinds in the place of a description.
 
-/// What a table without anything of a policy's description is instead, and which command or option takes it.
+/// Names the kind of a table without anything of a policy's description, and the command or option that takes
+/// it.
 pub(super) fn other_kind(table: &toml::Table) -> Option<&'static str> {
     let has = |key: &str| table.contains_key(key);
     if has("file") || has("joints") || has("observation") {

@@ -39,7 +39,7 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     }
 }
 
-/// What a policy sees and what its outputs mean, and the settings of the task it was trained on (empty where they are not
+/// Returns a policy's interface and the settings of the task it was trained on (empty where they are not
 /// known): of any file that [`read`] reads, or of a description that names no `file`.
 ///
 /// # Errors
@@ -81,6 +81,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
         files.extend(others.into_iter().map(|file| folder(&graph).join(file)));
     }
     if let Some(beside) =
+        // The weights: the second file of a description, else the file itself.
         files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx"))
     {
         files.extend(foreign::unitree_file(beside));
@@ -133,7 +134,7 @@ fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
     Ok(policy)
 }
 
-/// What another program says of an ONNX file, inside or beside it.
+/// Returns the description of an ONNX file by another program, inside or beside it.
 fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
     if let Some(known) = onnx::foreign(bytes, Some(folder(path)))? {
         return Ok(Some(known));
@@ -144,7 +145,7 @@ fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyEr
     foreign::unitree(&text).map(Some).map_err(inside)
 }
 
-/// What a weights file says of its interface, which a description then need not repeat.
+/// Returns the interface that a weights file states; a description need not repeat it.
 ///
 /// # Errors
 /// What another program says of it, if that is wrong.
@@ -195,6 +196,7 @@ fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
             {
                 return Err(inside(error));
             }
+            // What the description states wins over the file.
             entries.extend(given);
             Ok((Description::from_table(entries).map_err(inside)?, notes))
         }
@@ -218,6 +220,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, PolicyError> {
             return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
         }
         let mut bytes = Vec::new();
+        // One byte more than allowed tells a file that is too large, also one that grows while it is read.
         File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
         if bytes.len() as u64 > MAX_BYTES {
             return Err(Error::new(

@@ -109,6 +109,7 @@ impl<'a> Tensors<'a> {
             let vector =
                 self.file.tensor(&format!("{name}.weight")).is_ok_and(|weight| weight.shape().len() == 1);
             if !vector {
+                // A layer's weight is a matrix, a layer norm's a vector.
                 layers.push(self.layer(&name)?);
                 continue;
             }

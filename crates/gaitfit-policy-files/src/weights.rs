@@ -30,7 +30,7 @@ const FORMAT: u32 = 1;
 const KEY: &str = "gaitfit";
 /// The tensor with the model of a policy that is a graph.
 const GRAPH: &str = "graph";
-/// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
+/// Bytes before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
 const BEFORE: &[u8] = br#""gaitfit":"{\"sha256\":\""#;
 
 #[derive(Serialize, Deserialize)]
@@ -59,7 +59,7 @@ struct Header {
     provenance: Provenance,
 }
 
-/// What of a front is not in its tensors, `memory.…` or `encoder.…`.
+/// Parts of a front that are not in its tensors, `memory.…` or `encoder.…`.
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum FrontHeader {
@@ -91,7 +91,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     Ok(bytes)
 }
 
-/// The same file without a checksum, as earlier versions wrote it.
+/// Returns the same file without a checksum, as earlier versions wrote it.
 ///
 /// # Errors
 /// As [`write()`].
@@ -246,6 +246,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
             Some(Front::Encoder(Encoder { network, passed, latent }))
         }
         Some(FrontHeader::Graph { inputs, output }) => {
+            // The graph's inputs are looked up in the interface, which comes from a file and may be wrong.
             header.interface.check()?;
             let graph = onnx::graph_again(tensors.bytes(GRAPH)?, &header.interface, &inputs, &output)?;
             Some(Front::Graph(graph))

@@ -3,9 +3,10 @@
 use crate::{AnchorJoint, InterfaceError, Reference};
 use gaitfit_model::{Model, shown};
 
-/// Cosine of the angle between axes that are one.
+/// Min cosine of the angle between axes that count as one: 2.6°.
 const ALONG: f64 = 0.999;
-/// Real part of the rotation of a link that is not turned.
+/// Min real part of the rotation of a link that counts as not turned: 0.5°, as the part is the cosine of half
+/// the angle.
 const STRAIGHT: f64 = 0.999_99;
 
 impl Reference {
@@ -25,6 +26,7 @@ impl Reference {
         let mut before: Option<usize> = None;
         for AnchorJoint { joint, axis } in &self.anchor {
             let place = joints.iter().position(|name| name == joint).and_then(|place| resolved.get(place));
+            // Names that are not the policy's were refused when the motion was checked.
             let Some(&index) = place else { continue };
             let hinge = &model.joints[index];
             let chain = links(model, hinge.body, body);
@@ -74,6 +76,7 @@ impl Reference {
             ));
         };
         let moves = |body: usize| model.joints.iter().any(|joint| joint.body == body);
+        // A body that is fixed to the last joint's body moves with it.
         if named == body || (!moves(named) && links(model, named, body).is_some()) {
             return Ok(());
         }

@@ -80,9 +80,10 @@ impl Policy {
     }
 }
 
-/// A network's sizes and numbers.
+/// Checks a network's sizes and numbers.
 fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
     network.shape.check()?;
+    // Sizes come from files: their product may overflow.
     let expected = checked_parameters(network)
         .filter(|&count| count <= MAX_PARAMETERS)
         .ok_or_else(|| invalid(format!("the {name} has more than {MAX_PARAMETERS} parameters")))?;
@@ -102,7 +103,7 @@ fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
     finite(name, &network.parameters)
 }
 
-/// What stands before the actor.
+/// Checks what stands before the actor.
 fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
     let name = front.name();
     match front {
@@ -119,7 +120,7 @@ fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
     check_given(name, front.outputs(), "actor", actor)
 }
 
-/// Whether a network takes what stands before it gives.
+/// Checks that a network takes what stands before it gives.
 fn check_given(name: &str, given: usize, behind: &str, network: &Network) -> Result<(), PolicyError> {
     let taken = network.shape.inputs;
     if given != taken {
@@ -128,7 +129,7 @@ fn check_given(name: &str, given: usize, behind: &str, network: &Network) -> Res
     Ok(())
 }
 
-/// Recurrent layers' sizes and numbers.
+/// Checks recurrent layers' sizes and numbers.
 fn check_recurrent(name: &str, recurrent: &Recurrent) -> Result<(), PolicyError> {
     if let Some(mistake) = recurrent.mistake() {
         return Err(invalid(format!("the {name} does not fit together: {mistake}")));

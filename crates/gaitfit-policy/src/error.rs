@@ -1,4 +1,4 @@
-//! What can be wrong with a policy file.
+//! Errors of a policy file.
 
 use crate::InterfaceError;
 use crate::network::ShapeError;

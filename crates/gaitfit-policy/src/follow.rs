@@ -124,6 +124,7 @@ pub(crate) fn in_tiles<W: Default + Send, R: Sync>(
     run: impl Fn(&mut W, usize, usize, &[R]) -> Result<(), WalkerError> + Sync,
 ) -> Result<(), WalkerError> {
     let tiles = runs.len().div_ceil(TILE);
+    // The error with the smallest number is kept, so that the message does not depend on the threads.
     let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
     pool::for_each(jobs * tiles, threads, W::default, |worker, index| {
         let (job, first) = (index / tiles, (index % tiles) * TILE);
@@ -179,6 +180,7 @@ impl Worker {
         self.targets.resize(count * walker.default_pose.len(), 0.0);
         let width = walker.observation.width();
         self.observation.resize(count * width, 0.0);
+        // Never fewer than before: tracks keep their memory from tile to tile.
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
@@ -199,6 +201,7 @@ impl Worker {
                     if resets {
                         place(&mut tile, index, &script.states[sample]);
                         let row = (sample - 1) * joints..sample * joints;
+                        // The policy must see the log's past, not the one that the simulation is reset from.
                         last_action.set(index, &script.actions[row]);
                         script.recall(walker, sample, index, &mut sensed, &mut past);
                     }
@@ -210,6 +213,8 @@ impl Worker {
             for (index, row) in self.observation.chunks_exact_mut(width).enumerate() {
                 let commands = &scripts[index].commands;
                 walker.sense(&self.motion, index, imu.as_ref(), &mut sensed);
+                // A script that is over keeps its last command until the longest one of the tile ends;
+                // nothing of it is recorded.
                 let last = commands.len().saturating_sub(1);
                 sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
                 sensed.last_action.copy_from_slice(last_action.row(index));

@@ -33,6 +33,8 @@ pub fn to_body<R: Real>(q: [R; 4], v: [R; 3]) -> [R; 3] {
 pub fn to_heading<R: Real>(q: [R; 4], v: [R; 3]) -> [R; 3] {
     let [_, left, _] = axes(q);
     let length = (left[0] * left[0] + left[1] * left[1]).sqrt();
+    // The left axis points straight up or down if the robot lies exactly on its side: it has no heading then,
+    // and nothing must be divided by 0.
     let least = R::lit(1e-6);
     let length = R::select_lt(least, length, length, least);
     let (x, y) = (left[0].div(length), left[1].div(length));

@@ -41,7 +41,7 @@ pub enum Latent {
 }
 
 impl Front {
-    /// What it is called in messages.
+    /// Its name in messages.
     pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Recurrent(_) => "memory",
@@ -80,7 +80,7 @@ impl Front {
         }
     }
 
-    /// What the actor sees: `observation` is `rows × inputs`, `seen` becomes `rows × outputs`.
+    /// Computes the actor's input: `observation` is `rows × inputs`, `seen` becomes `rows × outputs`.
     pub(crate) fn step(
         &self,
         rows: usize,

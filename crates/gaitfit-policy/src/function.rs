@@ -45,6 +45,7 @@ impl Function {
         actions.resize(rows * self.outputs, 0.0);
         let sound = !self.has_failed()
             && (self.call)(rows, observation, actions)
+            // A NaN would become a target of a motor.
             && actions.iter().all(|action| action.is_finite());
         if !sound {
             self.failed.store(true, Ordering::Release);

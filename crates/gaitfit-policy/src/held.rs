@@ -1,4 +1,4 @@
-//! What an interface says of single joints beside its vectors: joints that are held, and limits of actions.
+//! Parts of an interface for single joints, beside its vectors: joints that are held, and limits of actions.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ pub enum ActionClip {
 }
 
 impl ActionClip {
-    /// That of the policy's joint `index`; unbounded where there is none.
+    /// Limit of the policy's joint `index`; infinite if it has none.
     pub fn limit(&self, index: usize) -> f64 {
         match self {
             Self::All(clip) => *clip,

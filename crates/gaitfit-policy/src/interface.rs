@@ -109,9 +109,9 @@ pub struct Interface {
 #[error("{0}")]
 pub struct InterfaceError(pub String);
 
-/// Most joints, and most terms of an observation.
+/// Max number of joints, and of terms of an observation.
 const MAX_JOINTS: usize = 256;
-/// Most frames of a term, and most numbers of an observation.
+/// Max number of frames of a term, and of numbers of an observation.
 const MAX_FRAMES: usize = 256;
 const MAX_NUMBERS: usize = 1 << 16;
 /// Longest name of a robot or a joint, bytes.
@@ -307,6 +307,7 @@ impl Interface {
             // It is found in the row before, as that row's last action.
             let is_last = |term: &Term| term.quantity == Quantity::LastAction;
             let mut last = terms.iter().filter(|term| is_last(term));
+            // The earlier action is divided by the factor of the last one, which must not be 0.
             let has_last = last.next().is_some_and(|last| !last.scale.contains(&0.0));
             if term.quantity == Quantity::EarlierAction && !(has_last && last.next().is_none()) {
                 return Err(InterfaceError(format!(
@@ -340,8 +341,8 @@ impl Interface {
         Ok(())
     }
 
-    /// What to say where `model` has another name than the policy's robot. Related robots share joint names, so a policy may
-    /// run on a robot that it was not trained for.
+    /// Note for a `model` that has another name than the policy's robot. Related robots share joint names, so
+    /// a policy may run on a robot that it was not trained for.
     pub fn other_robot(&self, model: &Model) -> Option<String> {
         (!self.robot.is_empty() && self.robot != model.name).then(|| {
             format!(

@@ -79,6 +79,8 @@ impl<'a> Pilot<'a> {
         sensed.clock = clock(interface, self.steps);
         sensed.motion =
             MotionPlace { time: f64::from(self.steps) * interface.control_dt, heading: self.heading };
+        // The motion is turned once, at the beginning: later differences of heading are errors that the
+        // policy corrects.
         if self.steps == 0 {
             self.heading = self.layout.motion_heading(sensed);
             sensed.motion.heading = self.heading;
@@ -104,5 +106,6 @@ impl<'a> Pilot<'a> {
 /// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
 pub fn clock(interface: &Interface, steps: u32) -> f32 {
     let Some(frequency) = interface.gait_frequency else { return 0.0 };
+    // In `f64`: after an hour at 2 Hz `f32` would round the phase to 5e-4.
     (f64::from(steps) * interface.control_dt * frequency).fract() as f32
 }

@@ -20,9 +20,9 @@ pub struct Policy {
     pub critic: Option<Network>,
     /// Recurrent layers between the (normalised) critic observation and the critic.
     pub critic_memory: Option<Recurrent>,
-    /// Of the actor's observation.
+    /// Normaliser of the actor's observation.
     pub normaliser: Option<Normaliser>,
-    /// Of the critic's observation.
+    /// Normaliser of the critic's observation.
     pub critic_normaliser: Option<Normaliser>,
     /// Where it came from.
     pub provenance: Provenance,
@@ -82,7 +82,7 @@ impl Policy {
         self.act_with(rows, observation, &mut self.memory(rows), actions, scratch);
     }
 
-    /// What the policy remembers of `environments` robots whose episodes begin.
+    /// The policy's memory for `environments` robots whose episodes begin.
     pub fn memory(&self, environments: usize) -> Memory {
         self.front.as_ref().map_or_else(Memory::default, |front| front.memory(environments))
     }

@@ -124,6 +124,8 @@ impl Reference {
         if let Some(bad) = all().find(|value| !value.is_finite()) {
             return refuse(format!("holds {bad}; its numbers must be finite"));
         }
+        // Quaternions are normalised when they are read. Shorter than half a unit they are no rounded unit
+        // quaternions.
         if self.orientation.chunks_exact(4).any(|q| q.iter().map(|x| x * x).sum::<f32>() < 0.25) {
             return refuse("has orientations that are not unit quaternions".to_owned());
         }
@@ -229,6 +231,7 @@ impl Follower {
     fn about(&self, time: f64) -> ([usize; 2], f64, bool) {
         let last = self.reference.samples(self.joints).saturating_sub(1);
         let place = time * self.reference.rate_hz;
+        // Without this, a time that is rounded up would be after the last sample, where the velocity is 0.
         let near = place.round();
         let place = if (place - near).abs() < SAME { near } else { place };
         let moves = place >= 0.0 && place <= last as f64;
@@ -261,6 +264,7 @@ impl Follower {
     /// Share of the motion that is over at `time`, 0 to 1.
     fn phase(&self, time: f64) -> f32 {
         let last = self.reference.samples(self.joints).saturating_sub(1);
+        // A motion of one sample is over from the beginning.
         if last == 0 { 1.0 } else { (time * self.reference.rate_hz / last as f64).clamp(0.0, 1.0) as f32 }
     }
 

@@ -146,19 +146,19 @@ impl Error {
         gaitfit_run::Error::content(path, problem).into()
     }
 
-    /// The same error, said of a place.
+    /// Adds the place that the error is about.
     #[must_use]
     pub fn within(self, place: impl fmt::Display) -> Self {
         Self::In { place: place.to_string(), source: Box::new(self) }
     }
 
-    /// The same error with a remedy.
+    /// Adds a remedy.
     #[must_use]
     pub fn advised(self, advice: impl fmt::Display) -> Self {
         Self::Advised { source: Box::new(self), advice: advice.to_string() }
     }
 
-    /// Which kind of trouble it is.
+    /// Kind of the error.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Run(error) => error.kind(),
@@ -170,7 +170,7 @@ impl Error {
         }
     }
 
-    /// What a GPU does not do, if that is the error.
+    /// Names what a GPU does not do, if that is the error.
     pub fn refusal(&self) -> Option<&str> {
         match self {
             Self::Refused(reason) => Some(reason),

@@ -65,8 +65,8 @@ pub fn joint_names(model: &Model) -> Vec<String> {
     model.joints.iter().map(|joint| joint.name.clone()).collect()
 }
 
-/// What to know of a robot that was read, before trusting what it shows: what was added or mended, what a lenient
-/// reading took away, what bounds no torque or touches no ground.
+/// Remarks on a robot that was read, to know before trusting what it shows: what was added or mended, what a
+/// lenient reading took away, what bounds no torque or touches no ground.
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
@@ -87,6 +87,7 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
         let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
         let elements = || document.descendants().filter(roxmltree::Node::is_element);
         for compiler in elements().filter(|one| one.has_tag_name("compiler")) {
+            // MuJoCo looks for height fields where it looks for meshes.
             let named = ["assetdir", "meshdir"].into_iter().filter_map(|name| compiler.attribute(name));
             folders.extend(named.map(|folder| home.join(folder)));
         }

@@ -22,7 +22,7 @@ pub struct Spring {
     pub rest: Option<f64>,
 }
 
-/// Why a text is no spring.
+/// Reasons why a text is no spring.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringError {
     /// It is not written like one.

@@ -7,7 +7,7 @@ use gaitfit_physics::{Damping, IMU_PERIODS, Isa, Params, Preset, Settings, Tree,
 use crate::SimError;
 use crate::motion::Motion;
 
-/// How a batch integrates.
+/// Settings of a batch's integration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BatchOptions {
     /// Time between targets, s.
@@ -41,7 +41,7 @@ impl Default for BatchOptions {
     }
 }
 
-/// Most physics steps in a control period.
+/// Max number of physics steps in a control period.
 const MAX_SUBSTEPS: usize = 1000;
 /// Longest control period and actuation delay, s.
 const MAX_SECONDS: f64 = 1.0;
@@ -109,6 +109,7 @@ impl Batch {
     /// Such a robot.
     pub fn check_imu_delay(&self, robots: &[Params<f64>]) -> Result<(), SimError> {
         let delay = robots.iter().fold(0.0f64, |max, robot| max.max(robot.robot.imu_delay));
+        // 1e-9 accepts a delay of exactly two periods that rounding made longer.
         if delay <= IMU_PERIODS as f64 * self.options.control_dt * (1.0 + 1e-9) {
             return Ok(());
         }
@@ -121,7 +122,7 @@ impl Batch {
         &self.model
     }
 
-    /// How it integrates.
+    /// Settings of its integration.
     pub fn options(&self) -> &BatchOptions {
         &self.options
     }

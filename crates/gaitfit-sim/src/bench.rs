@@ -12,7 +12,7 @@ use gaitfit_random::{Purpose, Stream};
 
 use crate::{SimError, pool};
 
-/// Which contact geoms take part.
+/// Choice of the contact geoms that take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Geoms {
     /// Spheres at the ends of limbs only.
@@ -31,7 +31,7 @@ impl Geoms {
     }
 }
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct PhysicsBench {
     /// Solver effort.
@@ -48,12 +48,12 @@ pub struct PhysicsBench {
     pub repetitions: usize,
 }
 
-/// What was measured.
+/// Results of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.
     pub substeps_per_second: f64,
-    /// The same, best repetition.
+    /// Substeps a second of the best repetition.
     pub best_substeps_per_second: f64,
     /// Threads used.
     pub threads: usize,
@@ -185,6 +185,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     for batch in &batches {
         let Ok(mut batch) = batch.lock() else { continue };
         period(&mut scratch, &mut batch, &last);
+        // As wide as the widest vectors, of AVX-512.
         let mut values = [0.0f32; 16];
         batch.state.base_position[2].store(&mut values);
         height += values[..T::LANES].iter().sum::<f32>() as f64;
@@ -224,15 +225,19 @@ pub fn standing(model: &Model) -> Result<(f64, Vec<f64>), SimError> {
 
 /// Targets of control period `period`, rad: diagonal pairs of legs lift in turn at 2 Hz.
 pub fn trot(pose: &[f64], period: usize) -> Vec<f64> {
+    // 0.02 s is the control period, SUBSTEPS · TIMESTEP.
     let phase = (period as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
     pose.iter().enumerate().map(|(j, angle)| angle + lift(j, phase)).collect()
 }
 
 /// Target offset of joint `j` (hip, thigh, calf of leg `j / 3`) when diagonal pairs lift in turn.
 fn lift(j: usize, phase: f64) -> f64 {
+    // Legs are in the order front left, front right, rear left, rear right: 0 and 3 are a diagonal.
     let diagonal = matches!(j / 3 % 4, 0 | 3);
     let up = if diagonal { phase } else { -phase }.max(0.0);
     match j % 3 {
+        // The calf turns back by twice the thigh's angle: a leg with links of equal length lifts its foot
+        // straight up.
         0 => 0.0,
         1 => 0.35 * up,
         _ => -0.7 * up,

@@ -8,7 +8,7 @@ use gaitfit_physics::{
 
 use crate::{Sensors, SimError};
 
-/// What a set of joint networks corrects.
+/// Quantity that a set of joint networks corrects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum NetworkKind {
     /// Position targets, rad, at the policy's rate.
@@ -20,7 +20,7 @@ pub enum NetworkKind {
 /// One network a joint; see [`gaitfit_physics::JointNetwork`] for their form.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointNetworks {
-    /// What they correct.
+    /// Quantity that they correct.
     pub kind: NetworkKind,
     /// The joints, by index in the model.
     pub joints: Vec<usize>,

@@ -1,4 +1,4 @@
-//! What can go wrong in a batch of simulations.
+//! Errors of a batch of simulations.
 
 use gaitfit_physics::{IsaError, PhysicsError};
 

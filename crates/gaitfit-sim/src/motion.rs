@@ -1,4 +1,4 @@
-//! What a batch of robots shows after a control period.
+//! Motion that a batch of robots reports after a control period.
 
 use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_physics::{IMU_READING, State};
@@ -18,7 +18,8 @@ pub struct Motion {
     pub joint_position: Vec<f32>,
     /// Joint velocities, rad/s; `× joints`.
     pub joint_velocity: Vec<f32>,
-    /// The same as sensors read them; empty where they read them at once. See [`Motion::velocity_readings`].
+    /// Velocities as sensors read them; empty where they read them at once. See
+    /// [`Motion::velocity_readings`].
     pub filtered_velocity: Vec<f32>,
     /// Orientation and angular velocity of the base as a late inertial unit reads them: a mean of quaternions (wxyz, nearly
     /// unit) and rad/s, body frame; `× 7`. Absent if it reads the present. See [`Motion::imu_reading`].

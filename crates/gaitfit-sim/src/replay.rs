@@ -23,7 +23,7 @@ pub struct Recording {
     pub kd: Vec<f64>,
 }
 
-/// How a replay integrates.
+/// Settings of a replay's integration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ReplayOptions {
     /// Physics steps per control period.
@@ -62,11 +62,11 @@ pub struct Direction {
     pub ahead: Robot,
     /// A robot before.
     pub behind: Robot,
-    /// How far `ahead` is from `behind`, in the unit of the direction.
+    /// Distance of `ahead` from `behind`, in the unit of the direction.
     pub distance: f64,
 }
 
-/// Most samples of one recording.
+/// Max number of samples of one recording.
 const MAX_SAMPLES: usize = 10_000_000;
 /// Longest actuation delay, s.
 const MAX_DELAY: f64 = 1.0;
@@ -108,6 +108,7 @@ impl Replay {
             check(recording, model.joints.len(), dt).map_err(|what| SimError::Recording { index, what })?;
         }
         let settings = Settings {
+            // All recordings share one compiled robot, and its step has the period of the first one.
             timestep: dt / options.substeps as f64,
             cone: Cone::Pyramidal,
             damping: Damping::Folded,
@@ -130,7 +131,7 @@ impl Replay {
         &self.model
     }
 
-    /// How it integrates.
+    /// Settings of its integration.
     pub fn options(&self) -> &ReplayOptions {
         &self.options
     }

@@ -35,7 +35,7 @@ pub struct Imu {
     bias: [f32; 3],
 }
 
-/// How many [`Imu::numbers`] there are.
+/// Count of [`Imu::numbers`].
 pub const IMU_NUMBERS: usize = 17;
 
 impl Imu {

@@ -10,13 +10,13 @@ pub struct RobotState {
     pub state: Vec<f32>,
     /// Sent targets, rad, newest first; `taps × joints`.
     pub targets: Vec<f32>,
-    /// What modifications remember.
+    /// Memory of the modifications.
     pub memory: Vec<f32>,
-    /// Of the last physics step: normal ground force on each contact geom, N.
+    /// Normal ground force on each contact geom in the last physics step, N.
     pub normal_force: Vec<f32>,
-    /// Of the last physics step: centre of each tracked geom, m; `tracked × 3`.
+    /// Centre of each tracked geom in the last physics step, m; `tracked × 3`.
     pub tracked: Vec<f32>,
-    /// Of the last physics step: torque on each joint, N·m.
+    /// Torque on each joint in the last physics step, N·m.
     pub torque: Vec<f32>,
     /// Whether targets and memory begin with its next target.
     pub fresh: bool,

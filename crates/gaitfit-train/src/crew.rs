@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Least time between two lines about the progress of a cell.
+/// Min time between two lines about the progress of a cell: several cells print at the same time.
 const SAID_EVERY: Duration = Duration::from_secs(20);
 
 /// Does `work(number, worker, watch)` for every name, `jobs` at a time, and gives the results in their order. After a
@@ -47,6 +47,7 @@ pub fn together<T: Send>(
         match result {
             Ok(one) => outputs.push(one),
             Err(error) => {
+                // After a failure the others end as interrupted: these say nothing of the cause.
                 let graver = failure.as_ref().is_none_or(|known| {
                     known.kind() == ErrorKind::Interrupted && error.kind() != ErrorKind::Interrupted
                 });
@@ -59,10 +60,10 @@ pub fn together<T: Send>(
     failure.map_or(Ok(outputs), Err)
 }
 
-/// What a cell says, with its name.
+/// Passes on the events of a cell, with the cell's name.
 struct Speaker<'a> {
     name: &'a str,
-    /// What is counted, how many there are, and when something was said of it.
+    /// Name of the counted items, their number, and the time of the last line about them.
     counted: Mutex<Option<(String, usize, Instant)>>,
 }
 

@@ -19,7 +19,7 @@ use gaitfit_random::{Purpose, Stream};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Most rows of one call: a robot's take about a kilobyte each.
+/// Max number of rows of one call: a robot's take about a kilobyte each.
 const MAX_ROWS: f64 = 2e7;
 /// Max number of logs in a folder. Readers of folders stop there.
 const MAX_LOGS: usize = 100_000;
@@ -45,7 +45,7 @@ pub struct CollectSettings {
     pub device: Device,
 }
 
-/// What was recorded.
+/// Logs that were recorded.
 #[derive(Clone, Debug)]
 pub struct Collected {
     /// The simulator in a few words.
@@ -178,13 +178,13 @@ pub(crate) fn walks(
     })
 }
 
-/// How much there is to simulate, for progress.
+/// Amount that there is to simulate, for progress.
 fn amount(subject: &Subject<'_>, options: &CollectOptions) -> Amount<'static> {
     let period = subject.task.walker.interface.control_dt;
     Amount::simulated("logs: simulated second", options.periods(period), period)
 }
 
-/// The same logs, each written as soon as its tile is simulated, so that memory holds a few tiles.
+/// As [`walks`], with each log written as soon as its tile is simulated, so that memory holds a few tiles.
 fn write_walks(
     subject: &Subject<'_>,
     options: &CollectOptions,
@@ -301,6 +301,7 @@ fn play(
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
         // What is missing was not simulated: the watch stopped it.
         let (log, fell_at) = one?;
+        // A robot that fell before its log began leaves an empty one.
         let end = fell_at.unwrap_or(log.len()).max(shift(number));
         let trajectory = log.slice(shift(number)..end).ok()?;
         let time = (0..trajectory.len()).map(|sample| sample as f64 * dt).collect();

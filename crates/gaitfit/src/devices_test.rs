@@ -13,7 +13,7 @@ fn training(seeds: &str, devices: &Devices) -> Result<crate::train::Setup, crate
     crate::train::setup(&config, "walk", None, 2, devices)
 }
 
-/// What each seed of a training on `devices` ends with.
+/// Final policy of each seed of a training on `devices`.
 fn policies(devices: &Devices) -> Vec<Vec<u8>> {
     let runs = tempfile::tempdir().unwrap();
     let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into()).unwrap();

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// What was written.
+/// Logs that were written.
 pub struct Written {
     /// The logs.
     pub files: Vec<PathBuf>,
@@ -39,7 +39,7 @@ pub struct LogWriter {
 }
 
 impl LogWriter {
-    /// Of `count` trajectories, into a folder that exists.
+    /// A writer of `count` trajectories into a folder that exists.
     ///
     /// # Errors
     /// A folder that cannot be written.
@@ -72,7 +72,7 @@ impl LogWriter {
         Ok(())
     }
 
-    /// The same of all trajectories in their order.
+    /// Writes the logs of all trajectories in their order.
     ///
     /// # Errors
     /// A file that cannot be written.
@@ -86,6 +86,7 @@ impl LogWriter {
     /// A file that cannot be moved. None is left then.
     pub fn finish(self) -> Result<Written, Error> {
         let mut put = std::mem::take(&mut *self.put.lock().unwrap_or_else(PoisonError::into_inner));
+        // Threads put logs in any order.
         put.sort_unstable();
         let mut files = Vec::with_capacity(put.len());
         for (number, ..) in put.iter().filter(|(_, has_rows, _)| *has_rows) {
@@ -114,7 +115,7 @@ fn remove_killed(parent: &Path, prefix: &str) -> std::io::Result<()> {
     Ok(())
 }
 
-/// How names of folders begin that are not whole yet.
+/// Beginning of the names of folders that are not whole yet.
 const WRITING: &str = ".writing-";
 
 /// Has `fill` fill a new folder beside `into`, which then takes that name: whoever finds it finds all of it. Each
@@ -135,7 +136,10 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
         .tempdir_in(parent)
         .map_err(unwritable)?
         .keep();
+    // After a failure the folder stays: a program that outlived its caller may still write there. The next
+    // attempt removes it.
     fill(&partial)?;
+    // Contents reach the disk before the name does: after a power cut, a folder of this name is whole.
     for entry in fs::read_dir(&partial).map_err(unwritable)? {
         let entry = entry.map_err(unwritable)?;
         // Opening anything else might wait for ever.

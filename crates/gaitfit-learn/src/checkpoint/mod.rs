@@ -34,10 +34,10 @@ const FORMAT: u32 = 2;
 const KEY: &str = "gaitfit-checkpoint";
 /// Tensors of a tile for what the actor and the critic remember.
 const MEMORIES: [&str; 2] = ["actor_memory", "critic_memory"];
-/// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
+/// Bytes before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
 const BEFORE: &[u8] = br#""gaitfit-checkpoint":"{\"sha256\":\""#;
 
-/// What a checkpoint belongs to: it is taken up by no other training.
+/// The training that a checkpoint belongs to. No other training takes it up.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
@@ -62,7 +62,7 @@ struct Header {
     iteration: u32,
     wall_seconds: f64,
     learner: Scalars,
-    /// Of trainings whose commands grow.
+    /// State of the curriculum; absent if commands do not grow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     growth: Option<Growth>,
 }
@@ -73,7 +73,7 @@ pub enum CheckpointError {
     /// Cut short, damaged, or something else.
     #[error("no whole checkpoint: {0}")]
     Damaged(String),
-    /// Of another version.
+    /// The file has another version.
     #[error(
         "a checkpoint of format {found}; this program reads format {FORMAT}, use the program that wrote it"
     )]
@@ -81,7 +81,7 @@ pub enum CheckpointError {
         /// Its version.
         found: u32,
     },
-    /// Of another training.
+    /// The file belongs to another training.
     #[error("a checkpoint of another training: {0}")]
     Foreign(String),
     /// The learner's part.
@@ -97,7 +97,7 @@ fn damaged(error: impl std::fmt::Display) -> CheckpointError {
 }
 
 impl Origin {
-    /// What differs from `expected`, in words.
+    /// Returns the first difference from `expected`, in words.
     fn difference(&self, expected: &Self) -> Option<String> {
         if self.robot != expected.robot {
             return Some(format!("it is of robot `{}`, this one trains `{}`", self.robot, expected.robot));
@@ -226,6 +226,7 @@ impl Training<'_> {
             runner.returns.as_flattened_mut().copy_from_slice(&returns);
             let count = runner.environment.count();
             let mut memories = [Vec::new(), Vec::new()];
+            // For no robots: this only shows which of the two have layers.
             let blank = self.learner.blank_memories(0);
             for ((values, name), blank) in memories.iter_mut().zip(MEMORIES).zip(blank) {
                 if blank.is_empty() {
@@ -262,6 +263,7 @@ fn header(bytes: &[u8]) -> Result<Header, CheckpointError> {
         format: u32,
     }
     let version: Version = serde_json::from_str(text).map_err(damaged)?;
+    // Before the checksum and the other fields, so that a file of another version is not called damaged.
     if version.format != FORMAT {
         return Err(CheckpointError::Format { found: version.format });
     }

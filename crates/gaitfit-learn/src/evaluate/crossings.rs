@@ -11,7 +11,7 @@ use crate::tiles::in_tiles;
 /// Environments that one thread advances together.
 const TILE: usize = 64;
 
-/// How one robot fared on its cell.
+/// Result of one robot on its cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Crossing {
     /// Its cell.
@@ -20,9 +20,9 @@ pub struct Crossing {
     pub crossed: bool,
     /// Whether it fell, or its state stopped being a number, before it left the cell.
     pub fell: bool,
-    /// How far it came from where it started, as the crow flies, m.
+    /// Distance from where it started, in a straight line, m.
     pub distance: f64,
-    /// How long that took: until it left, fell, or time was up, s.
+    /// Time until it left, fell, or time was up, s.
     pub seconds: f64,
 }
 
@@ -134,7 +134,7 @@ pub struct CrossingRecorder<'a> {
 }
 
 impl<'a> CrossingRecorder<'a> {
-    /// Of the robots of `environment`, which have not moved yet; `None` on flat ground.
+    /// A recorder for the robots of `environment`, which have not moved yet; `None` on flat ground.
     pub fn new(environment: &Environment<'a>) -> Option<Self> {
         let task = environment.task();
         let cell = |index: usize| environment.cell(index).unwrap_or_default();
@@ -161,6 +161,7 @@ impl<'a> CrossingRecorder<'a> {
             if ended == Ended::Diverged {
                 continue;
             }
+            // A place that is not finite cannot be measured, so a diverged robot left above.
             let middle = self.course.middle(crossing.cell);
             crossing.distance = (x - self.starts[index][0]).hypot(y - self.starts[index][1]);
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
@@ -207,6 +208,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
             let column =
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
+            // A robot that took no step has gone 0 m in 0 s: its speed is 0.
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
             summaries.push(CrossingSummary {
                 kind,

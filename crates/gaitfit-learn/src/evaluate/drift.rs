@@ -12,7 +12,7 @@ use crate::tiles::in_tiles;
 /// The result of one constant command, over several robots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriftTrial {
-    /// What was commanded, for example `+x`.
+    /// Name of the command, for example `+x`.
     pub name: &'static str,
     /// Command: forward, left (m/s), yaw rate (rad/s).
     pub command: [f64; 3],
@@ -34,7 +34,7 @@ pub struct DriftTrial {
 /// Time of standing before and after the command, and of the command itself, s.
 const STAND: f64 = 1.0;
 const COMMAND: f64 = 4.0;
-/// How many commands there are.
+/// Number of commands.
 const TRIALS: usize = 7;
 
 /// Constant commands along ±x, ±y and ±yaw, and standing: stand, command for four seconds, stand (the paper's hardware
@@ -84,7 +84,7 @@ pub fn drift_environment<'a>(subject: &Subject<'a>, robots: usize) -> Result<Env
     Ok(environment)
 }
 
-/// How many control periods [`drift`] counts, summed over all commands and robots.
+/// Number of control periods that [`drift`] counts, summed over all commands and robots.
 pub fn drift_periods(task: &Task, robots: usize) -> usize {
     TRIALS * robots * periods(task, 2.0 * STAND + COMMAND) as usize
 }
@@ -167,7 +167,8 @@ impl DriftRecorder {
         self.steps[2]
     }
 
-    /// Steps between two changes of the command are multiples of this.
+    /// Returns the largest number of steps that divides the times at which the command changes. A GPU runs
+    /// this many steps at a time and looks at the command in between.
     pub fn steady(&self) -> u32 {
         let [begin, end, last] = self.steps;
         (1..=begin.max(1))

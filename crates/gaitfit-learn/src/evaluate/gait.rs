@@ -11,7 +11,7 @@ use super::{Subject, power_spectrum};
 use crate::player::Player;
 use crate::task::{Cell, Ended, Environment, Foot, Task, TaskError};
 
-/// What one robot did, a row a control period.
+/// Motion of one robot, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GaitRecord {
     /// Control period, s.
@@ -67,7 +67,7 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
     record_gait_on(subject, None, commands)
 }
 
-/// The same on a cell of generated ground.
+/// As [`record_gait`], on a cell of generated ground.
 ///
 /// # Errors
 /// As [`record_gait`].
@@ -140,6 +140,8 @@ impl Clearance {
     /// Height of each foot's lowest point above the ground under it, m.
     fn of_feet(&mut self, task: &Task, feet: &[Foot], motion: &Motion) -> Vec<f64> {
         let model = task.walker.model();
+        // The motion reports the centre of a foot. For a single sphere this is enough; the lowest point of
+        // other shapes depends on their orientation and needs forward kinematics.
         let sphere = |geoms: &[usize]| match geoms {
             [geom] => match model.geoms[*geom].shape {
                 Shape::Sphere { radius } => Some(radius),
@@ -153,6 +155,7 @@ impl Clearance {
             position: std::array::from_fn(|k| f64::from(motion.base_position[k])),
             quaternion: std::array::from_fn(|k| f64::from(motion.base_quaternion[k])),
         };
+        // Computed at the first foot that needs them, and shared by all.
         let mut frames = None;
         let height = |(geoms, foot): (&Vec<usize>, &Foot)| match sphere(geoms) {
             Some(radius) => f64::from(foot.height) - radius,
@@ -200,6 +203,7 @@ impl GaitRecord {
     pub fn summary(&self, groups: &[Option<usize>]) -> GaitSummary {
         let feet = self.feet.len();
         let walking: Vec<usize> = (0..self.steps())
+            // 0.01 is 0.1²: up to this norm a command means standing, as for rewards.
             .filter(|step| self.command[3 * step..3 * step + 3].iter().map(|c| c * c).sum::<f64>() > 0.01)
             .collect();
         let (mut alternating, mut on_ground, mut gait_feet, mut landings) = (0.0, 0.0, 0.0, 0.0);
@@ -224,6 +228,7 @@ impl GaitRecord {
                 if step > 0 && row[foot] && !self.contact[(step - 1) * feet + foot] {
                     landings += 1.0;
                     let height = |step: usize| self.foot_clearance[step * feet + foot];
+                    // Back from the landing to the step in which the foot left the ground.
                     let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
                     let top = swing.map(height).fold(f64::MIN, f64::max);
                     lifts.push(top - height(step));

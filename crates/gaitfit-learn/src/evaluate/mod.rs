@@ -21,7 +21,7 @@ use gaitfit_sim::Candidate;
 use crate::task::Task;
 use gaitfit_policy::Policy;
 
-/// Who is tested on what.
+/// A policy, the task and robot that it is tested on, and the seed of the test.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The task and the simulator.

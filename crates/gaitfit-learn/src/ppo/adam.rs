@@ -36,7 +36,9 @@ impl Adam {
         learning_rate: f64,
     ) {
         self.steps += 1;
+        // `powi` takes an `i32`. Long before its limit both powers are 0 and the corrections 1.
         let t = self.steps.min(i32::MAX as u64) as i32;
+        // Moments start at 0, so early ones are too small by these factors.
         let (c1, c2) = (1.0 - BETA_1.powi(t), 1.0 - BETA_2.powi(t));
         let rates =
             [1.0 - BETA_1, 1.0 - BETA_2, factor, learning_rate / c1, c2.sqrt(), EPSILON].map(|x| x as f32);

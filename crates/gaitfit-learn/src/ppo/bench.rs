@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::{Diagnostics, Learner, LearnerError, Samples, Settings, UpdateError, Widths, loss::HALF_LOG_TAU};
 use gaitfit_policy::network::Scratch;
 
-/// What one timing says.
+/// Results of one timing.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Timing {
     /// Wall-clock seconds of every timed update, in order.
@@ -20,13 +20,13 @@ pub struct Timing {
     pub diagnostics: Diagnostics,
 }
 
-/// Why there is no timing.
+/// Reasons why updates cannot be timed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BenchError {
-    /// No learner.
+    /// The learner cannot be made.
     #[error(transparent)]
     Learner(#[from] LearnerError),
-    /// No update.
+    /// The update failed.
     #[error(transparent)]
     Update(#[from] UpdateError),
 }
@@ -55,6 +55,7 @@ pub fn synthetic(
         normals(1, &mut samples.critic_observation);
         normals(2, &mut samples.action);
         normals(3, &mut samples.reward);
+        // Step numbers keep the arrays' draws apart.
         normals(4, &mut samples.last_value);
         [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
         let [mut actor, mut critic] = learner.blank_memories(environments);

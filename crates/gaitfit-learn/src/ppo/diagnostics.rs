@@ -1,4 +1,4 @@
-//! What an update reports, and why it stops.
+//! Numbers that an update reports, and reasons why it stops.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +15,7 @@ pub struct Diagnostics {
     pub entropy: f64,
     /// KL divergence from the sampling policy, closed form, nats.
     pub kl: f64,
-    /// The same over the last minibatch alone: how far the whole update went.
+    /// Its mean over the last minibatch alone, which shows how far the whole update went.
     pub kl_last: f64,
     /// Its estimate −mean(ln r).
     pub approx_kl_k1: f64,

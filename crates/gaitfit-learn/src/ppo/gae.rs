@@ -17,6 +17,7 @@ impl Samples {
             let at = step * width;
             for environment in 0..width {
                 let i = at + environment;
+                // The next row of a robot whose episode ended is another episode: nothing of it counts.
                 let alive = 1.0 - self.done[i];
                 let delta = self.reward[i] + gamma * alive * next_value[environment] - self.value[i];
                 let advantage = delta + decay * alive * next_advantage[environment];
@@ -56,6 +57,7 @@ pub(super) fn normalise_advantages(tiles: &mut [Samples]) {
     let mean = tiles.iter().flat_map(|tile| &tile.advantage).map(|&a| f64::from(a)).sum::<f64>() / count;
     let squares =
         tiles.iter().flat_map(|tile| &tile.advantage).map(|&a| (f64::from(a) - mean).powi(2)).sum::<f64>();
+    // 1e-8 keeps advantages that are all equal at 0. One sample has no n − 1.
     let factor = 1.0 / ((squares / (count - 1.0).max(1.0)).sqrt() + 1e-8);
     for advantage in tiles.iter_mut().flat_map(|tile| &mut tile.advantage) {
         *advantage = ((f64::from(*advantage) - mean) * factor) as f32;

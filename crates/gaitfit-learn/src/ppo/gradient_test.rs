@@ -11,7 +11,7 @@ use super::{
 use gaitfit_policy::network::{Activation, Scalar, Shape, Weights};
 
 const ROWS: usize = 40;
-/// Of them in the first of two tiles.
+/// Rows in the first of two tiles.
 const TILE_ROWS: usize = 29;
 const WIDTHS: Widths = Widths { observation: 5, critic_observation: 7, action: 3 };
 

@@ -20,33 +20,33 @@ pub struct Learner {
     pub(super) gradients: Gradients,
 }
 
-/// Why there is no learner.
+/// Reasons why a learner cannot be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LearnerError {
     /// A setting outside its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// A network that cannot be.
+    /// A network without a possible shape.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// A network that is for inference alone.
+    /// A network that can only be run, not trained.
     #[error(
         "the {what} has {why}, which is not trained here: policies with it are evaluated and fitted only"
     )]
     Untrainable {
         /// Which.
         what: &'static str,
-        /// What of it.
+        /// Property that prevents it.
         why: String,
     },
     /// Parts that do not fit each other.
     #[error("{what} is {found} wide, the learner needs {expected}")]
     Width {
-        /// Which part.
+        /// Part whose width is wrong.
         what: &'static str,
-        /// What the rows need.
+        /// Width that the rows need.
         expected: usize,
-        /// What there is.
+        /// Width that was given.
         found: usize,
     },
 }
@@ -58,6 +58,7 @@ impl Learner {
     /// [`LearnerError`] for bad settings, among them networks too large for these rows, or an empty row.
     pub fn new(settings: Settings, widths: Widths, seed: u64) -> Result<Self, LearnerError> {
         let (actor, critic) = settings.shapes(widths)?;
+        // The numbers 0 to 3 keep the draws of the four parts apart.
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
         let critic = Network::random(critic, seed, 1, 1.0)?;
         let log_std = vec![settings.initial_std.ln() as f32; widths.action];
@@ -88,8 +89,8 @@ impl Learner {
         Self::with_memories(settings, widths, seed, [actor, critic], [None, None], log_std)
     }
 
-    /// The same with recurrent layers before the actor and before the critic, `memories` in this order, where there are
-    /// any. A network behind a memory takes its output.
+    /// As [`Learner::with_networks`], with recurrent layers before the actor and before the critic,
+    /// `memories` in this order, where there are any. A network behind a memory takes its output.
     ///
     /// # Errors
     /// As there.
@@ -114,6 +115,7 @@ impl Learner {
             ("actor's observation", &actor_memory, widths.observation),
             ("critic's observation", &critic_memory, widths.critic_observation),
         ] {
+            // Without a memory the check of the network itself finds an empty input.
             if memory.is_some() && observed == 0 {
                 return Err(ShapeError::EmptyLayer(what.to_owned()).into());
             }
@@ -193,7 +195,8 @@ impl Learner {
         self.critic_memory.as_ref()
     }
 
-    /// What the actor and the critic remember of `environments` whose episodes begin; empty without recurrent layers.
+    /// Memories of the actor and of the critic for `environments` whose episodes begin; empty without
+    /// recurrent layers.
     pub fn blank_memories(&self, environments: usize) -> [Memory; 2] {
         [&self.actor_memory, &self.critic_memory]
             .map(|memory| memory.as_ref().map_or_else(Memory::default, |memory| memory.memory(environments)))
@@ -208,7 +211,7 @@ impl Learner {
         self.means_with(rows, observation, &mut memory, mean, scratch);
     }
 
-    /// The same of `rows` environments side by side, with what the actor remembers of them
+    /// As [`Learner::means`], for `rows` environments side by side, with what the actor remembers of them
     /// ([`Learner::blank_memories`]), which takes in the observations.
     ///
     /// # Panics
@@ -234,7 +237,7 @@ impl Learner {
         self.values_with(rows, critic_observation, &mut memory, value, scratch);
     }
 
-    /// The same with what the critic remembers, as [`Learner::means_with`].
+    /// As [`Learner::values`], with the critic's memory, as [`Learner::means_with`].
     ///
     /// # Panics
     /// As there.

@@ -5,7 +5,7 @@ use gaitfit_policy::network::Scalar;
 /// ½ ln 2π.
 pub(super) const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_8;
 
-/// What a tile of gathered samples holds for the losses; `rows` or `rows × action` numbers.
+/// Numbers of a tile of gathered samples that the losses need; `rows` or `rows × action` each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Targets<T> {
     /// Actions drawn.

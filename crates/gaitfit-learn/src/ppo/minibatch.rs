@@ -14,9 +14,12 @@ use super::{
 };
 use gaitfit_policy::network::{RecurrentWeights, Shape, add_slices};
 
-/// Pieces of a minibatch; twice as many threads have work.
+/// Pieces of a minibatch; twice as many threads have work, because a piece has the actor's part and the
+/// critic's.
+/// The number is the same on all machines: it sets the order of the sums, and with it their last bits.
 const PIECES: usize = 16;
-/// Environments that a piece has at least, of learners with a memory, where there are enough.
+/// Min environments of a piece, of learners with a memory, if there are enough: as many as the widest vectors
+/// have lanes.
 const MIN_ROBOTS: usize = 16;
 /// Parameters that one thread adds up at a time.
 const SPAN: usize = 4096;
@@ -56,13 +59,14 @@ impl Gradients {
         self.prepare_pieces();
     }
 
-    /// The same for learners with a memory, of rollouts of up to `steps` steps.
+    /// As [`Self::prepare`], for learners with a memory and rollouts of up to `steps` steps.
     pub(super) fn prepare_sequences(
         &mut self,
         threads: usize,
         steps: usize,
         worker: impl Fn() -> SequenceWorker<f32>,
     ) {
+        // A worker's tape has a fixed number of rows: longer rollouts need new ones.
         if self.sequence_workers.first().is_some_and(|worker| worker.rows() < steps) {
             self.sequence_workers.clear();
         }
@@ -116,7 +120,7 @@ impl Gradients {
         add_up(&mut self.workers, &self.pieces, &mut self.total)
     }
 
-    /// The same for learners with a memory: `places` are environments, of which all steps count.
+    /// As [`Self::compute`], for learners with a memory: `places` are environments, of which all steps count.
     pub(super) fn compute_sequences(
         &mut self,
         point: &Point<'_, f32>,
@@ -125,6 +129,7 @@ impl Gradients {
         scales: &[Scale; 2],
     ) -> Sums {
         // As many environments side by side as fill vectors, whatever the number of threads.
+        // It follows from the minibatch alone, so the sums' order does too.
         let count = (places.len() / MIN_ROBOTS).clamp(1, self.pieces.len());
         let size = |shape: &Shape, memory: &Option<RecurrentWeights<f32>>| {
             shape.parameters() + memory.as_ref().map_or(0, |memory| memory.shape.parameters())

@@ -4,7 +4,7 @@ use gaitfit_policy::network::{Memory, Scratch};
 
 use super::{Exploration, Learner, Samples};
 
-/// How an episode stands after a step.
+/// State of an episode after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum End {
     /// It continues.
@@ -32,12 +32,12 @@ pub enum End {
 /// learner.update(&mut [recorder.samples], …)
 /// ```
 pub struct Recorder {
-    /// What is recorded: a plain batch, whole after [`Recorder::finish`].
+    /// The recorded batch; whole after [`Recorder::finish`].
     pub samples: Samples,
     exploration: Exploration,
     /// Step being recorded.
     step: usize,
-    /// What the actor and the critic remember of the environments; empty before the first step and without a memory.
+    /// Memories of the actor and of the critic; empty before the first step and without recurrent layers.
     memories: [Memory; 2],
     critic_rows: Vec<f32>,
     values: Vec<f32>,
@@ -85,6 +85,7 @@ impl Recorder {
         let range = |width: usize| rows.start * width..rows.end * width;
         let samples = &mut self.samples;
         let [actor_memory, critic_memory] = &mut self.memories;
+        // The update computes the rollout again from here; later memories follow from the observations.
         if self.step == 0 {
             samples.actor_memory.clone_from(actor_memory);
             samples.critic_memory.clone_from(critic_memory);
@@ -120,6 +121,7 @@ impl Recorder {
         for (done, end) in self.samples.done[rows.clone()].iter_mut().zip(ends) {
             *done = if *end == End::No { 0.0 } else { 1.0 };
         }
+        // Without an episode that was cut off the critic need not run.
         if ends.contains(&End::Truncated) {
             self.foresee(learner, observe_critic);
             let gamma = learner.settings().gamma as f32;
@@ -140,7 +142,7 @@ impl Recorder {
         self.samples.last_value.copy_from_slice(&self.values);
     }
 
-    /// What the learner's actor and critic remember of the `environments`, for a file.
+    /// Memories of the learner's actor and critic for the `environments`, for a file.
     pub(crate) fn memories(&mut self, learner: &Learner, environments: usize) -> [Vec<f32>; 2] {
         self.remember(learner, environments);
         self.memories.each_ref().map(Memory::numbers)
@@ -204,6 +206,7 @@ impl Recorder {
         self.critic_rows.resize(environments * widths.critic_observation, 0.0);
         observe_critic(&mut self.critic_rows);
         self.values.resize(environments, 0.0);
+        // A copy, because looking ahead must not advance the memory.
         let mut memory = self.memories[1].clone();
         learner.values_with(
             environments,

@@ -1,4 +1,4 @@
-//! What a rollout leaves for the learner.
+//! Samples of a rollout, from which the learner learns.
 
 use gaitfit_policy::network::{Memory, RecurrentShape};
 
@@ -44,9 +44,9 @@ pub struct Samples {
     pub advantage: Vec<f32>,
     /// Advantage + value, the critic's target; `steps × environments`.
     pub returns: Vec<f32>,
-    /// What the actor's recurrent layers remembered of each environment before the first step; empty without any.
+    /// Memory of the actor's recurrent layers before the first step, an environment each; empty without any.
     pub actor_memory: Memory,
-    /// The same of the critic's.
+    /// Memory of the critic's recurrent layers before the first step.
     pub critic_memory: Memory,
 }
 
@@ -176,6 +176,7 @@ impl Samples {
         let memories = [("actor_memory", &self.actor_memory), ("critic_memory", &self.critic_memory)];
         for ((array, memory), shape) in memories.into_iter().zip(shapes) {
             let (found, expected) = (memory.width(), shape.map_or(0, |shape| shape.remembered()));
+            // A memory without recurrent layers has no rows to count.
             let environments = memory.environments().unwrap_or(self.environments);
             if found != expected || environments != self.environments {
                 return Err(SamplesError::Memory { tile, array, expected, found });
@@ -213,7 +214,8 @@ impl Samples {
             if found != expected {
                 return Err(SamplesError::Size { tile, array, steps, environments, expected, found });
             }
-            // The greatest exponent is found by whole vectors, the place only if there is need to.
+            // Bits of positive floats are ordered as the floats are, and infinity and NaN are above all
+            // others. The maximum is one loop of vectors; the place is looked for only if something is wrong.
             let greatest = values.iter().fold(0, |greatest: u32, x| greatest.max(x.abs().to_bits()));
             if greatest < f32::INFINITY.to_bits() {
                 continue;

@@ -14,7 +14,8 @@ use gaitfit_policy::network::{
     Memory, RecurrentWeights, Scalar, SequenceTape, Sequences, Shape, Tape, Weights,
 };
 
-/// Rows that pass forward and back together; those of one environment, where they are more.
+/// Rows that pass forward and back together, a row a step of an environment. One environment passes as a
+/// whole, even if it has more.
 const ROWS: usize = 1024;
 
 /// Steps and environments of a group.
@@ -39,9 +40,9 @@ pub(super) struct SequenceWorker<T> {
     pub(super) input: AVec<T>,
     /// Where episodes begin, `steps × environments`.
     pub(super) begins: Vec<bool>,
-    /// What is remembered before the first step, `environments × remembered`.
+    /// Memory before the first step, `environments × remembered`.
     pub(super) start: Vec<T>,
-    /// What the losses need of the samples.
+    /// Numbers of the samples that the losses need.
     pub(super) targets: Targets<T>,
     sequences: SequenceTape<T>,
     tape: Tape<T>,
@@ -83,7 +84,7 @@ impl<T: Scalar> SequenceWorker<T> {
         });
     }
 
-    /// The same of the values' loss, by the critic's parameters and its memory's.
+    /// As [`Self::policy`], for the values' loss, by the critic's parameters and its memory's.
     pub(super) fn value(&mut self, point: &Point<'_, T>, sizes: Sizes, gradient: &mut [T], sums: &mut Sums) {
         self.pass(
             &point.critic,
@@ -147,7 +148,7 @@ impl SequenceWorker<f32> {
         sizes
     }
 
-    /// The same for [`Self::value`].
+    /// As [`Self::gather_for_policy`], for [`Self::value`].
     pub(super) fn gather_for_value(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) -> Sizes {
         let width = |tile: &Samples| tile.widths.critic_observation;
         let sizes = self.gather(tiles, places, scale, |tile| {
@@ -184,6 +185,7 @@ impl SequenceWorker<f32> {
         for (to, (tile, row)) in rows(tiles, places, steps).enumerate() {
             let (source, width, _) = of(tile);
             copy(input, to, source, row, width, scale);
+            // An episode that begins with the first step needs no mark: its memory before that step is zero.
             begins.push(row.checked_sub(tile.environments).is_some_and(|before| tile.done[before] != 0.0));
         }
         [steps, places.len()]

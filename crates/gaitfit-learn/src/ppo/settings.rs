@@ -1,4 +1,4 @@
-//! What PPO may be told.
+//! Settings of PPO and of its networks.
 
 use serde::{Deserialize, Serialize};
 
@@ -152,16 +152,16 @@ impl Default for Settings {
 pub struct SettingsError {
     /// The setting.
     pub name: &'static str,
-    /// What it was given.
+    /// Its value.
     pub value: String,
-    /// What it may be.
+    /// Advice on possible values.
     pub remedy: &'static str,
 }
 
-/// Most hidden layers of a network, and most units of one.
+/// Max number of hidden layers of a network, and of units of a layer.
 const MAX_LAYERS: usize = 16;
 const MAX_WIDTH: usize = 4096;
-/// Most units and layers of a memory.
+/// Max number of units and of layers of a memory.
 const MAX_MEMORY: [usize; 2] = [1024, 8];
 /// Largest limit on the gradient's norm: its square must stay far from the largest `f32`.
 const MAX_GRADIENT_NORM: f64 = 1e9;
@@ -175,6 +175,8 @@ impl Settings {
         let require = |fine: bool, name: &'static str, value: String, remedy: &'static str| {
             if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
         };
+        // The update computes with these numbers in `f32`, which holds 1e-38 to 3e38: their products must fit
+        // too.
         let positive = |name, x: f64| {
             require(x > 1e-30 && x < 1e30, name, format!("{x:?}"), "give a number above 1e-30 and below 1e30")
         };

@@ -1,4 +1,4 @@
-//! Which samples make up which minibatch.
+//! Random choice of each minibatch's samples.
 
 use std::ops::Range;
 

@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::Learner;
 use gaitfit_policy::network::Normaliser;
 
-/// What a learner's state holds besides tensors; written as JSON with shortest round-trip numbers it is exact.
+/// The part of a learner's state that is no tensor. Written as JSON with shortest round-trip numbers it is
+/// exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scalars {
@@ -32,7 +33,7 @@ pub enum StateError {
         "tensor `{name}` has {found} numbers, this learner has {expected}: the state is of another network"
     )]
     Size {
-        /// Which tensor.
+        /// Name of the tensor.
         name: String,
         /// Numbers in this learner.
         expected: usize,
@@ -42,9 +43,9 @@ pub enum StateError {
     /// A number that cannot be.
     #[error("`{name}` is {value} in the learner's state: the file is damaged")]
     Number {
-        /// Which tensor or scalar.
+        /// Name of the tensor or scalar.
         name: String,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
     /// Statistics of rows of another width, or there where the settings have none.
@@ -121,6 +122,7 @@ impl Learner {
             ("critic_normaliser", &self.critic_normaliser, &scalars.critic_normaliser),
         ] {
             let widths = |n: &Option<Normaliser>| n.as_ref().map(|n| (n.mean.len(), n.variance.len()));
+            // All checks come before the first change, so that a refused state leaves the learner whole.
             if widths(mine) != widths(theirs) {
                 return Err(StateError::Normaliser(name));
             }

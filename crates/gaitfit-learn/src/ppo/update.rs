@@ -72,12 +72,14 @@ impl Learner {
         let scales = [&self.normaliser, &self.critic_normaliser].map(|n| n.as_ref().map(Normaliser::scale));
         let (actor, critic) = (&self.actor.shape, &self.critic.shape);
         if remembers {
+            // Workers keep the longest sequence of any tile; shorter ones use a part of it.
             let steps = tiles.iter().map(|tile| tile.steps).max().unwrap_or(0);
             self.gradients.prepare_sequences(threads, steps, || SequenceWorker::new(actor, critic, steps));
         } else {
             self.gradients.prepare(threads, || Worker::new(actor, critic));
         }
 
+        // σ of the policy that sampled: ratios and divergences are against it in all epochs.
         let old_log_std = self.log_std.clone();
         let mut report = Diagnostics { explained_variance, ..Diagnostics::default() };
         for epoch in 0..epochs {
@@ -89,6 +91,7 @@ impl Learner {
                     false => part.len(),
                 };
                 let mut constants = Constants::new(&self.settings, rows, &self.log_std, &old_log_std);
+                // The clip would keep a critic near the values that it had in the other simulator.
                 constants.clipped_value_loss &= !critic_alone;
                 let point = Point {
                     actor: weights(&self.actor, &self.actor_memory),
@@ -111,6 +114,7 @@ impl Learner {
         report.learning_rate = self.learning_rate;
         report.mean_std =
             self.log_std.iter().map(|&s| f64::from(s).exp()).sum::<f64>() / self.log_std.len() as f64;
+        // After the last step: networks in this update and the rollout before it saw the same normalisation.
         self.observe(tiles);
         Ok(report)
     }
@@ -151,6 +155,7 @@ impl Learner {
                 return Err(culprit);
             }
         }
+        // Rule and factors of rsl_rl (Rudin et al. 2022), which legged_gym trains with.
         if self.settings.schedule == Schedule::Adaptive && !unmoved {
             let [min, max] = self.settings.learning_rate_limits;
             if kl > 2.0 * self.settings.desired_kl {
@@ -160,8 +165,10 @@ impl Learner {
             }
         }
         let norm = squares.iter().sum::<f64>().sqrt();
+        // 1e-6 as in PyTorch's `clip_grad_norm_`: a gradient of zero divides by no zero.
         let factor = (self.settings.max_gradient_norm / (norm + 1e-6)).min(1.0);
         report.entropy += self.entropy();
+        // Parameters that are not among the targets keep their values and their moments.
         let mut targets = Vec::new();
         push_parts(&mut targets, parts.critic.start, &mut self.critic, &mut self.critic_memory);
         if !critic_alone {

@@ -14,9 +14,9 @@ pub(super) const TILE: usize = 512;
 /// Where a sample lies; or, of learners with a memory, all samples of one environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
-    /// Which tile of environments.
+    /// Tile of environments.
     pub(super) tile: u32,
-    /// Which row of it, or which environment.
+    /// Row of the tile, or environment of it.
     pub(super) row: u32,
 }
 
@@ -25,11 +25,11 @@ pub(super) type Scale = Option<Vec<(f32, f32)>>;
 
 /// The parameters that a minibatch is evaluated at.
 pub(super) struct Point<'a, T> {
-    /// Of the actor.
+    /// Parameters of the actor.
     pub(super) actor: Weights<'a, T>,
-    /// Of the critic.
+    /// Parameters of the critic.
     pub(super) critic: Weights<'a, T>,
-    /// Of the recurrent layers before the actor and before the critic, if there are any.
+    /// Parameters of the recurrent layers before the actor and before the critic, if there are any.
     pub(super) memories: [Option<RecurrentWeights<T>>; 2],
     /// Settings, standard deviation and number of rows.
     pub(super) constants: Constants<T>,
@@ -41,7 +41,7 @@ pub(super) struct Worker<T> {
     pub(super) observation: AVec<T>,
     /// `TILE × critic_observation`.
     pub(super) critic_observation: AVec<T>,
-    /// What the losses need of the samples.
+    /// Numbers of the samples that the losses need.
     pub(super) targets: Targets<T>,
     tape: Tape<T>,
 }
@@ -76,7 +76,7 @@ impl<T: Scalar> Worker<T> {
         tape.backward(&point.actor, active, observation, gradient);
     }
 
-    /// The same of the values' loss, by the critic's parameters.
+    /// As [`Self::policy`], for the values' loss, by the critic's parameters.
     pub(super) fn value(&mut self, point: &Point<'_, T>, rows: usize, gradient: &mut [T], sums: &mut Sums) {
         let Self { critic_observation, targets, tape, .. } = self;
         tape.forward(&point.critic, rows, critic_observation);
@@ -106,7 +106,7 @@ impl Worker<f32> {
         }
     }
 
-    /// The same for [`Self::value`].
+    /// As [`Self::gather_for_policy`], for [`Self::value`].
     pub(super) fn gather_for_value(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) {
         let Targets { value, returns, .. } = &mut self.targets;
         value.clear();

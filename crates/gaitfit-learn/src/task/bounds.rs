@@ -7,7 +7,8 @@ use gaitfit_model::JointKind;
 const LARGEST: f64 = 100.0;
 /// Largest velocity that a joint with velocity targets is asked for, rad/s.
 const FASTEST: f64 = 100.0;
-/// How far a hinge without limits is sent, rad from the default pose: half a turn each way; a slide the like of it, m.
+/// Max distance from the default pose to which a hinge without limits is sent, rad: half a turn each way; a
+/// slide the like of it, m.
 const HALF_TURN: f64 = std::f64::consts::PI;
 
 impl Task {

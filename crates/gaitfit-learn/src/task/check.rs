@@ -1,4 +1,4 @@
-//! Which settings of a task are refused.
+//! Checks that refuse settings of a task.
 
 use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_policy::{Interface, Source};
@@ -6,7 +6,7 @@ use gaitfit_policy::{Interface, Source};
 use super::error::refuse;
 use super::{CommandSettings, JointNumber, TaskError, TaskSettings};
 
-/// Most feet of a robot.
+/// Max number of feet of a robot.
 const MAX_FEET: usize = 8;
 
 /// Refuses scales and clocks that do not fit, by setting.
@@ -31,7 +31,7 @@ pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
     Ok(())
 }
 
-/// How far outside its range a joint's default angle may be, rad: ranges and poses of files are rounded.
+/// Tolerance of a joint's default angle outside its range, rad: ranges and poses of files are rounded.
 const ROUNDED: f64 = 0.05;
 
 /// Refuses a default pose that a joint cannot be in.
@@ -162,6 +162,7 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         terrain.check()?;
     }
     let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // A direction that is written with three decimals has this length to 1e-3.
     if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
         return refuse("posture", "is not a direction of length 1".to_owned());
     }
@@ -197,6 +198,8 @@ fn check_positive(settings: &TaskSettings) -> Result<(), TaskError> {
 /// The physics steps, and the control period.
 fn check_steps(settings: &TaskSettings) -> Result<(), TaskError> {
     if let Some(step) = settings.robot_timestep {
+        // Readings are (h − step) / 2 later than the velocities of a simulation with step h: here half a step
+        // earlier.
         let max = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
         if !(0.0..=max).contains(&step) {
             let what =

@@ -29,7 +29,7 @@ pub struct Environment<'a> {
     pub(super) motion: Motion,
     pub(super) steps: Vec<u32>,
     pub(super) command: Vec<[f32; 3]>,
-    /// What commands are drawn from.
+    /// Ranges that commands are drawn from.
     ranges: [Interval; 3],
     pub(super) last_action: LastAction,
     /// Angle by which the motion that the policy follows is turned in this episode, rad.
@@ -78,8 +78,8 @@ impl<'a> Environment<'a> {
         }
     }
 
-    /// The same around several robots: environment number `e` around number `e` modulo their count. Their networks must
-    /// be the same.
+    /// As [`Environment::new`], around several robots: environment number `e` around number `e` modulo their
+    /// count. Their networks must be the same.
     ///
     /// # Errors
     /// As [`Environment::new`]; no robots, or robots whose networks differ.
@@ -287,6 +287,7 @@ impl<'a> Environment<'a> {
             for index in 0..self.count() {
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
+                    // The observation that shows the new command belongs to the next step.
                     self.command[index] = self.drawn(number, step + 1);
                 }
             }
@@ -317,6 +318,7 @@ impl<'a> Environment<'a> {
         for index in 0..self.count() {
             let number = self.first + index as u32;
             // Robots are pushed at different times.
+            // An episode's first period begins as the start's settings say, without a push.
             let due = step.wrapping_add(number.wrapping_mul(7)).is_multiple_of(period);
             if due && self.steps[index] > 0 {
                 let stream = Stream::new(self.seed, Purpose::PUSH).environment(number).step(step);

@@ -13,7 +13,7 @@ pub enum TaskError {
     /// A setting.
     #[error("task.{setting} {what}")]
     Setting {
-        /// Which setting.
+        /// Name of the setting.
         setting: String,
         /// What is wrong with it, and what to do.
         what: String,

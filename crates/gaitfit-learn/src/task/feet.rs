@@ -39,6 +39,7 @@ pub fn advanced<R: Real>(
     let touches = R::select_lt(R::lit(TOUCH.into()), force, one, zero);
     // `on` if the foot touches the ground, else `off`.
     let either = |on, off| R::select_lt(zero, touches, on, off);
+    // A foot that stands when its episode begins has not flown, so its first contact is no landing.
     let flew = R::select_lt(zero, air, one, zero);
     let landed = touches * (one - touching) * flew;
     let last_air = either(R::select_lt(zero, air, air, last_air), last_air);
@@ -50,7 +51,7 @@ pub fn advanced<R: Real>(
 }
 
 impl Foot {
-    /// How many numbers it keeps from step to step.
+    /// Count of the numbers that it keeps from step to step.
     pub const NUMBERS: usize = 8;
     /// Their names, in the order of [`Foot::numbers`].
     pub const NAMES: [&'static str; Self::NUMBERS] =

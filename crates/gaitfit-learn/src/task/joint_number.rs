@@ -88,6 +88,7 @@ impl<'de> Deserialize<'de> for JointNumber {
                 Ok(JointNumber::All(value))
             }
 
+            // A number without a point, which TOML reads as a whole number.
             fn visit_i64<E: Error>(self, value: i64) -> Result<JointNumber, E> {
                 Ok(JointNumber::All(value as f64))
             }

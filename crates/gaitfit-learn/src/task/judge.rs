@@ -1,4 +1,4 @@
-//! What the robots of a tile are paid for a control period, and whether their episodes end with it.
+//! Rewards of a tile's robots for a control period, and the ends of their episodes.
 
 use gaitfit_model::rotation::{quat_of, vec_of};
 use gaitfit_policy::walker::touching;
@@ -7,7 +7,7 @@ use super::expression::program::LANES;
 use super::moment::BaseMoment;
 use super::{Environment, Moment};
 
-/// How an episode stands after a step.
+/// State of an episode after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ended {
     /// It continues.
@@ -24,7 +24,7 @@ pub enum Ended {
 /// A base that is faster than this, m/s or rad/s, is a simulation that came apart; in the next steps its numbers would
 /// overflow.
 pub const FASTEST_BASE: f32 = 1e3;
-/// The same of a joint, rad/s.
+/// A joint that is faster than this, rad/s, is such a simulation too.
 pub const FASTEST_JOINT: f32 = 1e4;
 
 impl Environment<'_> {
@@ -43,6 +43,7 @@ impl Environment<'_> {
                 robots.clone().map(|index| self.moment(index, action(index))).collect();
             let whole: Vec<bool> = robots.clone().map(|index| self.is_whole(index)).collect();
             self.task.rewards.pay(&moments, &whole, &mut scratch, &mut values);
+            // The moments borrow the environment, which `settle` changes.
             let reached: Vec<_> = moments.iter().map(|moment| (moment.velocity, moment.fallen)).collect();
             for (place, (index, (velocity, fallen))) in robots.zip(reached).enumerate() {
                 let values = &values[place * terms..(place + 1) * terms];
@@ -61,6 +62,7 @@ impl Environment<'_> {
         let joints = self.task.start_pose.len();
         let three = 3 * index..3 * (index + 1);
         let mut base = motion.base_linear[three.clone()].iter().chain(&motion.base_angular[three.clone()]);
+        // NaN fails the comparisons too.
         base.all(|x| x.abs() <= FASTEST_BASE)
             && motion.joint_velocity[joints * index..joints * (index + 1)]
                 .iter()
@@ -121,8 +123,8 @@ impl Environment<'_> {
         }
     }
 
-    /// What environment `index` is paid, if its numbers are whole, and whether its episode ended. `values`: its reward
-    /// terms.
+    /// Returns the pay of environment `index`, whose numbers are whole, and whether its episode ended.
+    /// `values`: its reward terms.
     fn settle(&mut self, index: usize, velocity: [f32; 3], fallen: bool, values: &[f32]) -> (f32, Ended) {
         let task = self.task;
         let command = self.command[index];

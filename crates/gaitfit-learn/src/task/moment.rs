@@ -6,7 +6,9 @@ use gaitfit_policy::frames::{dot, to_heading, up, uprightness};
 use super::Task;
 use super::feet::Foot;
 
-/// Below this norm (m/s, rad/s) a command means standing.
+/// Up to this norm (m/s, rad/s) a command means standing. legged_gym (Rudin et al. 2022) has the same
+/// threshold for the horizontal velocity; here the yaw rate counts too, so that turning on the spot is
+/// walking.
 const STANDING: f64 = 0.1;
 
 /// One robot at the end of a control period. Joint vectors are in the model's order, actions in the policy's.
@@ -68,8 +70,9 @@ pub struct BaseMoment<R> {
 }
 
 impl<R: Real> BaseMoment<R> {
-    /// Of a base of orientation `quaternion` (wxyz, unit) that moves at `linear` (m/s, world frame) and `angular` (rad/s,
-    /// body frame) under `command`; `posture`: where gravity is wanted in the body frame. Kernels are written from this.
+    /// Values of a base of orientation `quaternion` (wxyz, unit) that moves at `linear` (m/s, world frame)
+    /// and `angular` (rad/s, body frame) under `command`; `posture`: where gravity is wanted in the body
+    /// frame. Kernels are written from this.
     pub fn new(
         quaternion: [R; 4],
         linear: [R; 3],

@@ -1,4 +1,4 @@
-//! What the policy and its critic observe of a tile of robots.
+//! Observations of the policy and its critic on a tile of robots.
 
 use gaitfit_policy::observation::{Layout, Past, Sensed};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};

@@ -41,6 +41,7 @@ impl<'a> SensorNoise<'a> {
         let (drawn, rest) = self.words.split_at(values.len().div_ceil(4));
         for (chunk, words) in values.chunks_mut(4).zip(drawn) {
             for (value, word) in chunk.iter_mut().zip(words) {
+                // 24 bits are the precision of `f32`: each value is exact, and 1 is never reached.
                 let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
                 *value += half * (2.0 * uniform - 1.0);
             }

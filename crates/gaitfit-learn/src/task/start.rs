@@ -11,6 +11,7 @@ use super::command::within;
 pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: [f64; 2]) -> Start {
     let settings = &task.settings.start;
     let stream = Stream::new(seed, Purpose::RESET).environment(environment).step(step);
+    // Draws 0 to 7 are the base's, joint angles follow, then joint velocities.
     let either = |draw: u32, half: f64| within(stream, draw, [-half, half]);
     let yaw = either(0, settings.yaw.to_radians());
     let tilt = settings.tilt.to_radians();
@@ -21,6 +22,7 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
     let mut angles = Vec::with_capacity(task.start_pose.len());
     for (j, (&angle, joint)) in task.start_pose.iter().zip(&model.joints).enumerate() {
         let drawn = angle as f64 + either(8 + j as u32, settings.joint_position);
+        // A start outside the range would begin with the push of a joint limit.
         angles.push(joint.range.map_or(drawn, |[low, high]| drawn.clamp(low, high)));
     }
     Start {

@@ -24,7 +24,7 @@ pub struct Task {
     pub settings: TaskSettings,
     /// The policy's side and the simulator.
     pub walker: Walker,
-    /// What of the settings the simulation leaves out, in words.
+    /// Parts of the settings that the simulation leaves out, in words.
     pub remarks: Vec<String>,
     /// Pose an episode starts in, rad.
     pub start_pose: Vec<f32>,
@@ -44,7 +44,7 @@ impl Task {
     /// The task on `model` with a new policy's interface.
     ///
     /// # Errors
-    /// Whatever does not fit, by setting.
+    /// The first setting that does not fit, by name.
     pub fn new(model: &Model, settings: &TaskSettings, preset: Preset) -> Result<Self, TaskError> {
         let policy = &settings.policy;
         check(settings)?;
@@ -99,7 +99,7 @@ impl Task {
     /// randomisation adds.
     ///
     /// # Errors
-    /// Whatever does not fit, by setting; a policy for another robot.
+    /// The first setting that does not fit, by name; a policy for another robot.
     pub fn with_interface(
         model: &Model,
         settings: &TaskSettings,

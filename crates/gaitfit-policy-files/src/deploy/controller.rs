@@ -6,7 +6,7 @@ use gaitfit_policy::observation::Layout;
 use gaitfit_policy::{FrameOrder, HistoryStart, Policy, PolicyError};
 use serde::Serialize;
 
-/// What the template names; lists and strings are YAML already.
+/// Names in the template; lists and strings are YAML already.
 #[derive(Serialize)]
 struct Page {
     version: &'static str,

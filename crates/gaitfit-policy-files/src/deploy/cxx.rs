@@ -7,10 +7,10 @@ use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity, Source, Term, Width};
 use serde::Serialize;
 
-/// Most numbers of all networks: compilers take minutes and gigabytes for more.
+/// Max number of parameters of all networks: compilers take minutes and gigabytes for more.
 const MAX_NUMBERS: usize = 2 << 20;
 
-/// What the template names; lists, strings and numbers are C++ already.
+/// Names in the template; lists, strings and numbers are C++ already.
 #[derive(Serialize)]
 struct Page {
     version: &'static str,
@@ -64,7 +64,7 @@ struct Seen {
     width: usize,
     count: usize,
     frames: String,
-    /// What its number `i` is, before the scale.
+    /// C++ expression of its number `i`, before the scale.
     value: &'static str,
 }
 
@@ -103,6 +103,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
     let joints = interface.joints.len();
     let layout = Layout::new(interface, &interface.observation);
     let single = |values: &[f64]| array(&values.iter().map(|&value| value as f32).collect::<Vec<_>>());
+    // No number is written for infinity.
     let clip = |joint| interface.clip(joint).min(f64::from(f32::MAX)) as f32;
     let held = |held: &gaitfit_policy::Held| Held {
         joint: string(&held.joint),

@@ -106,7 +106,7 @@ pub(super) fn array(values: &[f32]) -> String {
     values.chunks(IN_LINE).map(line).collect::<Vec<_>>().join(",\n    ")
 }
 
-/// What a function returns of `x`.
+/// Body of a function of `x`, as C++.
 fn body(function: Activation) -> String {
     let elu = |alpha: String| format!("return x > 0.0f ? x : {alpha}(exponential(x) - 1.0f);");
     match function {

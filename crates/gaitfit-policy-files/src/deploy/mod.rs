@@ -24,7 +24,7 @@ const NETWORK: &str = "exported/policy.onnx";
 pub struct Deployment {
     /// Paths inside a folder, with `/`, and contents.
     pub files: Vec<(String, Vec<u8>)>,
-    /// What a file does not say, or why there is none, in words.
+    /// Facts that a file does not state, or reasons why there is no file, in words.
     pub unsaid: Vec<String>,
 }
 
@@ -169,7 +169,7 @@ fn scale_of(policy: &Policy, term: &gaitfit_policy::Term) -> Vec<f32> {
     }
 }
 
-/// What a robot does not measure, where the policy observes it.
+/// Describes the first observed quantity that a robot does not measure.
 fn unmeasured(interface: &gaitfit_policy::Interface) -> Option<String> {
     let quantity = interface.unmeasured()?.name();
     Some(format!("the policy observes {quantity}, which a robot does not measure; train one without it"))
@@ -181,6 +181,7 @@ fn render(template: &str, page: impl Serialize) -> Result<String, PolicyError> {
     environment.set_auto_escape_callback(|_| AutoEscape::None);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     let failed = |error: minijinja::Error| invalid(format!("the text cannot be made: {error}"));
+    // A line with nothing but a statement of the template leaves no empty line.
     let syntax =
         SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).keep_trailing_newline(true).build();
     environment.set_syntax(syntax.map_err(failed)?);

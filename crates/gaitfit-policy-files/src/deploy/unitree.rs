@@ -6,7 +6,7 @@ use crate::foreign::sdk;
 use gaitfit_policy::{FrameOrder, HistoryStart, Interface, Policy, PolicyError, Quantity};
 use serde::Serialize;
 
-/// What the template names; lists are YAML already.
+/// Names in the template; lists are YAML already.
 #[derive(Serialize)]
 struct Page {
     version: &'static str,
@@ -78,6 +78,8 @@ pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String,
         stiffness[at] = kp;
         damping[at] = kd;
     }
+    // Its program clips targets. The policy's clip bounds actions, which then are scaled and added to the
+    // pose.
     let clip = interface.action_clip.as_ref().map(|clip| {
         let bounds = interface.default_pose.iter().zip(&interface.action_scale).enumerate();
         list(bounds.map(|(joint, (pose, scale))| {
@@ -89,6 +91,7 @@ pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String,
     say(interface, robot, ranges.is_some(), unsaid);
     let many = interface.observation.iter().any(|term| term.history > 1);
     let term = |term: &gaitfit_policy::Term| Term {
+        // unitree_rl_lab's name; the others are of other programs.
         name: term.quantity.foreign()[0],
         params: match (term.quantity, interface.gait_frequency) {
             (Quantity::Command, _) => format!("{{command_name: {}}}", quoted("base_velocity")),

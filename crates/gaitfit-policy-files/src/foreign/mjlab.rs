@@ -19,10 +19,11 @@ const AHEAD: i64 = 1;
 const FAR: f64 = 50.0;
 /// Max frames of a history.
 const MAX_HISTORY: f64 = 256.0;
-/// Most entries of a list.
+/// Max number of entries of a list.
 const MAX_ENTRIES: usize = 1024;
 
-/// What the entries say of a policy of `inputs` numbers and `outputs` actions; `None` where another program wrote them.
+/// Reads the entries of a policy of `inputs` numbers and `outputs` actions; `None` if another program wrote
+/// them.
 pub(crate) fn read(
     entries: &[(String, String)],
     inputs: usize,
@@ -109,7 +110,7 @@ impl Entries<'_> {
 
 /// The terms of the observation.
 struct Terms {
-    /// How many the metadata names.
+    /// Number of terms that the metadata names.
     count: usize,
     /// Their quantities, and the number of the term that each is of: a motion's command is two.
     quantities: Vec<(usize, Quantity)>,
@@ -177,6 +178,7 @@ impl Terms {
         }
         let per_frame: usize =
             self.quantities.iter().map(|(_, quantity)| quantity.width(entries.outputs)).sum();
+        // Before mjlab 1.6 nothing states the history: the network's width does.
         let length = inputs.checked_div(per_frame).unwrap_or(0);
         Ok((vec![length; self.quantities.len()], length > 1))
     }

@@ -1,4 +1,4 @@
-//! What other programs write about a policy, beside its network.
+//! Data of other programs about a policy, beside its network.
 
 mod mjlab;
 pub(super) mod sdk;

@@ -18,7 +18,7 @@ pub(super) fn is_of_tracking(name: &str) -> bool {
     name == "motion_anchor_ori_b"
 }
 
-/// What to say of a term without a quantity.
+/// Message about a term without a quantity.
 pub(super) fn unknown(name: &str) -> String {
     if name == "motion_anchor_pos_b" {
         return "it observes `motion_anchor_pos_b`, for which it needs the robot's place in the world: robots do not measure it. \

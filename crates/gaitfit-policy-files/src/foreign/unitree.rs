@@ -55,7 +55,7 @@ impl JointIds {
     }
 }
 
-/// What stands under `observations`.
+/// An entry of `observations`.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Entry {
@@ -116,7 +116,7 @@ pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
         .find(|path| path.is_file())
 }
 
-/// What the file's text says.
+/// Reads the file's text.
 pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     let deploy: Deploy = serde_saphyr::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
     let count = deploy.joint_ids_map.len();
@@ -178,6 +178,7 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     let pose = &deploy.default_joint_pos;
     // The program adds nothing where it is null.
     let offset = action.offset.as_ref().unwrap_or(&Numbers::One(0.0)).spread(count);
+    // Both are written from the same numbers; YAML may round them.
     let apart = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-6;
     if offset.len() != pose.len() || offset.iter().zip(pose).any(apart) {
         return Err(invalid(

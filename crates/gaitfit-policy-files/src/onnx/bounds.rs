@@ -31,12 +31,13 @@ impl Bounds {
                 return Err(misfit("its constant is not of as many numbers as the layer before it gives"));
             };
             *bound = bound.map(|limit| factor * limit + offset);
+            // A negative factor exchanges the bounds.
             bound.sort_by(f64::total_cmp);
         }
         Ok(())
     }
 
-    /// Those of the outputs `range`, which there are.
+    /// Keeps the bounds of the outputs `range`, all of which exist.
     pub fn select(&mut self, range: Range<usize>) {
         self.0 = self.0.drain(range).collect();
     }

@@ -23,17 +23,17 @@ pub struct Chain {
     /// Recurrent layers, which stand before all others.
     memory: Option<Recurrent>,
     layers: Vec<Affine>,
-    /// Of the layers so far; layers beyond the list have none.
+    /// Norms of the layers so far; layers beyond the list have none.
     norms: Vec<Option<LayerNorm>>,
-    /// Of the hidden layers.
+    /// Activation of the hidden layers.
     activation: Option<Activation>,
-    /// Of the last layer so far.
+    /// Activation behind the last layer so far.
     last: Option<Activation>,
     /// Between which numbers each output is clipped, behind everything else.
     bounds: Option<Bounds>,
 }
 
-/// What a graph's layers are.
+/// Layers that were read from a graph.
 #[derive(Clone, Debug)]
 pub struct Read {
     /// Recurrent layers before the network.
@@ -56,7 +56,7 @@ impl Chain {
         self.layers.is_empty()
     }
 
-    /// How many recurrent layers there are.
+    /// Number of recurrent layers.
     pub fn remembering(&self) -> usize {
         self.memory.as_ref().map_or(0, |memory| memory.layers.len())
     }
@@ -69,6 +69,7 @@ impl Chain {
         if self.remembering() == MAX_LAYERS {
             return Err(misfit(format!("it is one layer more than {MAX_LAYERS}")));
         }
+        // The first layer decides the kind.
         let memory = self.memory.get_or_insert(Recurrent { cell, layers: Vec::new() });
         if memory.cell != cell {
             return Err(misfit(format!("the layer before it is a {}", memory.cell.name())));
@@ -101,6 +102,8 @@ impl Chain {
         if let Some(bounds) = &mut self.bounds {
             bounds.scale(&factor, &offset)?;
         }
+        // Factor and offset become part of what stands before them: a norm's weights, the last layer, or
+        // before all layers a normaliser. So the network has no operators besides its layers.
         let normed = self.norms.len() == self.layers.len();
         if let Some(Some(norm)) = self.norms.last_mut().filter(|_| normed) {
             let width = norm.weight.len();
@@ -285,6 +288,8 @@ impl Chain {
     pub fn read(mut self, normaliser: Option<&Normaliser>) -> Result<Read, PolicyError> {
         let clip = self.bounds.take().map(|bounds| bounds.magnitudes()).transpose()?;
         match (self.before.take(), normaliser) {
+            // The normaliser is kept apart, so that fine-tuning can continue its statistics. The graph must
+            // not have another one.
             (before, Some(normaliser)) => {
                 let expected: (Vec<f64>, Vec<f64>) = normaliser
                     .scale()

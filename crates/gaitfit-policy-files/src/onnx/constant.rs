@@ -26,7 +26,8 @@ impl Constant {
         Self { dims: Vec::new(), values: vec![value] }
     }
 
-    /// From the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its containers but another file.
+    /// Reads the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its
+    /// containers but another file.
     pub fn read(tensor: Tensor) -> Result<Self, PolicyError> {
         let name = shown(&tensor.name);
         let length = |&length: &i64| usize::try_from(length).ok();
@@ -135,6 +136,7 @@ pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attribut
         }
         ("Range", [start, end, step]) => {
             let (start, end, step) = (start.as_scalar()?, end.as_scalar()?, step.as_scalar()?);
+            // A step of 0 gives ∞ or no number, neither of which is in the range below.
             let count = ((end - start) / step).ceil();
             let values = (0.0..=MAX_FILLED as f64).contains(&count).then_some(0..count as usize)?;
             let values: Vec<f64> = values.map(|number| start + number as f64 * step).collect();

@@ -53,6 +53,7 @@ pub(super) fn place(tensor: &Tensor) -> Result<Option<Place>, PolicyError> {
             _ => {}
         }
     }
+    // A policy's file must not make this program read any other file of the machine.
     let mut parts = place.file.components().filter(|part| *part != Component::CurDir).peekable();
     if parts.peek().is_none() || !parts.all(|part| matches!(part, Component::Normal(_))) {
         return Err(invalid(format!(
@@ -95,6 +96,7 @@ impl<'a> Beside<'a> {
         };
         let Some(Place { file, offset, length }) = place(tensor)? else { return Ok(()) };
         let shown_file = shown(&file.display().to_string());
+        // All tensors usually lie in one file, at different offsets.
         if !self.files.contains_key(&file) {
             if self.files.len() == MAX_PARTS {
                 return Err(invalid(format!("its tensors lie in more than {MAX_PARTS} files")));

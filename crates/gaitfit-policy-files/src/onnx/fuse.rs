@@ -11,11 +11,11 @@ use std::collections::{HashMap, HashSet};
 /// Difference up to which a constant counts as the one of a formula.
 const CLOSE: f64 = 1e-4;
 
-/// What one node stands for.
+/// A function that one node stands for.
 struct Fused {
     operator: &'static str,
     input: String,
-    /// Of a layer norm.
+    /// ε of a layer norm.
     epsilon: Option<f64>,
     /// Nodes that it replaces, without the last.
     inner: Vec<usize>,
@@ -23,7 +23,7 @@ struct Fused {
 
 struct Nodes<'a> {
     nodes: &'a [Node],
-    /// Which node gives a value.
+    /// Index of the node that gives a value.
     producer: HashMap<&'a str, usize>,
     constants: HashMap<String, Constant>,
 }
@@ -36,6 +36,7 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
             all.producer.insert(output, index);
         }
     }
+    // Formulas have single numbers only. Weights are not copied.
     let scalars = constants.iter().filter(|(_, constant)| constant.values.len() <= 1);
     all.constants.extend(scalars.map(|(name, constant)| (name.clone(), constant.clone())));
     for node in nodes.iter().filter(|node| node.op_type == "Constant") {
@@ -54,7 +55,8 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
         fused.extend(one.map(|one| (index, one)));
     }
     let inner: HashSet<usize> = fused.values().flat_map(|one| one.inner.iter().copied()).collect();
-    // An inner node stays if something outside needs it.
+    // An inner node stays if something outside needs it. Backwards, everything that reads a node is known
+    // before the node is judged.
     let mut needed: HashSet<&str> = outputs.iter().map(String::as_str).collect();
     for (index, node) in nodes.iter().enumerate().rev() {
         let gone = inner.contains(&index) && !node.output.iter().any(|name| needed.contains(name.as_str()));
@@ -135,6 +137,7 @@ impl Nodes<'_> {
                 names.push(name.clone());
             }
         }
+        // No formula here has more than three factors: x · x · x in GELU's cube.
         (names.len() <= 3).then_some((names, number))
     }
 

@@ -20,18 +20,18 @@ use prost::Message;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Most nodes and constants of a graph, entries of metadata, attributes and inputs of a node.
+/// Max number of nodes and constants of a graph, entries of metadata, attributes and inputs of a node.
 const MAX_PARTS: usize = 1024;
-/// Most numbers of all constants together, those computed from others included.
+/// Max number of numbers of all constants together, those computed from others included.
 const MAX_NUMBERS: usize = 32 << 20;
 
-/// Most axes of an input; more are refused later.
+/// Max number of axes of an input; more are refused later.
 const MAX_AXES: usize = 8;
 
 /// Operators of files that name no version.
 const LATEST: i64 = 17;
 
-/// What the file's operators are called in the advice of errors.
+/// Name of the file's operators in the advice of errors.
 const UNDERSTOOD: &str = "a multilayer perceptron of Gemm or MatMul, with Elu, Relu, Tanh, LeakyRelu, Selu, SiLU or GELU between the layers";
 
 /// A model's parts.
@@ -80,7 +80,7 @@ pub fn decode(bytes: &[u8], folder: Option<&Path>) -> Result<Decoded, PolicyErro
     })
 }
 
-/// The same model as one file: without metadata, and with the numbers of tensors that lie in other files.
+/// Returns the model as one file: without metadata, and with the numbers of tensors that lie in other files.
 pub fn inlined(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<u8>, PolicyError> {
     let model: Model = decode_message(bytes, "model")?;
     let (mut graph, _, _) = graph_of(bytes)?;
@@ -143,6 +143,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             "its graph does not have exactly one input: only policies of one observation are read",
         ));
     }
+    // Behind a memory the further outputs are the states.
     let (Some(output), true) = (model.outputs.first(), model.outputs.len() == 1 || remembers) else {
         return Err(invalid(format!("its graph has {} outputs; a policy has one", model.outputs.len())));
     };
@@ -205,7 +206,7 @@ pub(super) struct Walk {
     numbers: usize,
     /// Name of the value that the chain gives now.
     pub(super) head: String,
-    /// What the graph remembers from its last run, or will from this.
+    /// States of the graph before its last run and after this one, by name.
     pub(super) states: HashMap<String, Remembered>,
     /// Whether the chain's value has an axis of time steps before its rows.
     pub(super) steps: bool,
@@ -228,6 +229,7 @@ impl Walk {
             return Err(misfit(format!("it has more than {MAX_PARTS} inputs or attributes")));
         }
         let output = node.output.first().ok_or(misfit("it has no output"))?.clone();
+        // A name that is given twice would leave open which value later nodes take.
         if output == self.head || self.constants.contains_key(&output) {
             return Err(misfit("its output has a name that is taken"));
         }
@@ -241,6 +243,8 @@ impl Walk {
         if self.remembers(node) {
             return Ok(());
         }
+        // A part that no action needs may be computed by operators that are not read, such as a standard
+        // deviation.
         if self.parts.is_unneeded(node) {
             return Ok(());
         }

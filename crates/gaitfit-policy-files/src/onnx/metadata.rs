@@ -1,4 +1,4 @@
-//! What an ONNX file says beside its graph.
+//! Metadata of an ONNX file, beside its graph.
 //!
 //! `gaitfit` holds everything as JSON, for this program. The other entries say the same as comma-separated lists
 //! under the names that exporters of robot policies commonly use.
@@ -68,8 +68,9 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
     Ok(list.into_iter().chain(velocities).map(|(key, value)| Entry { key: key.to_owned(), value }).collect())
 }
 
-/// What stands before the digits of the checksum in a file's bytes; `None` of a file without one.
+/// Bytes before the digits of the checksum in a file; `None` for a file without one.
 fn before(bytes: &[u8]) -> Option<&[u8]> {
+    // Weights can hold the key's bytes by chance, so only those that the JSON follows count.
     let starts = bytes.windows(ENCODED_KEY.len()).enumerate().filter(|(_, window)| *window == ENCODED_KEY);
     starts.map(|(start, _)| start).find_map(|start| {
         let length = start + ENCODED_KEY.len();

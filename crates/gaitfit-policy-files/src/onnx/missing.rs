@@ -1,4 +1,4 @@
-//! What to write for a graph that says nothing of the robot.
+//! Advice on the description of a graph that states nothing about the robot.
 
 use super::graph::{self, Decoded};
 use super::program::{self, End};
@@ -7,10 +7,11 @@ use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;
 use std::path::Path;
 
-/// Numbers of the terms below that do not depend on the joints, and terms of joints.
+/// Numbers of the terms below that do not depend on the joints (three each of rates, gravity and command),
+/// and terms of joints (positions, velocities, last action).
 const TERMS: [usize; 2] = [9, 3];
 
-/// What is missing in a file that says nothing of joints, gains and observation, with the description to write.
+/// Error for a file that states no joints, gains and observation, with the description to write.
 pub fn without_metadata(name: &str, bytes: &[u8], folder: Option<&Path>) -> PolicyError {
     let ends = graph::decode(bytes, folder).and_then(|model| ends(&model));
     let [inputs, outputs] = match ends {

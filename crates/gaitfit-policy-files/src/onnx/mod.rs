@@ -79,7 +79,7 @@ pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
     metadata::read(&graph::decode(bytes, None).ok()?).ok()?.map(|header| header.interface)
 }
 
-/// What another program's metadata says; `None` where it is not known.
+/// Reads another program's metadata; `None` if it is not known.
 pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Known>, PolicyError> {
     let model = graph::decode(bytes, folder)?;
     match widths(&model) {
@@ -97,7 +97,7 @@ fn widths(model: &graph::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
     }
 }
 
-/// What a graph of another program is.
+/// A graph of another program, as read.
 pub(super) enum Found {
     /// A plain perceptron, maybe behind recurrent layers.
     Layers(Read),

@@ -80,7 +80,7 @@ fn axes(inputs: &[&Constant], attributes: &Attributes) -> Option<Vec<i64>> {
     (listed.len() <= MAX_AXES).then_some(listed)
 }
 
-/// The same numbers in another shape of as many.
+/// Returns the same numbers in another shape; `None` if it has another count.
 fn shaped(constant: &Constant, dims: Vec<usize>) -> Option<Constant> {
     let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
     (count == constant.values.len()).then(|| Constant { dims, values: constant.values.clone() })

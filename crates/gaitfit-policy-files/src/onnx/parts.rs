@@ -12,7 +12,7 @@ use std::ops::Range;
 /// Parts of what the layers give now.
 #[derive(Default)]
 pub(super) struct Parts {
-    /// Which numbers of a row a value has.
+    /// Range of the row's numbers that each value has, by its name.
     ranges: HashMap<String, Range<usize>>,
     /// Values that the graph's outputs are computed from.
     needed: HashSet<String>,

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// A state that goes into a graph or comes out of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Remembered {
-    /// Which of the graph's states, the first 0.
+    /// Index of the graph's state, from 0.
     pub origin: usize,
     /// The layer that it was cut out for.
     pub layer: Option<usize>,
@@ -115,10 +115,10 @@ impl Walk {
     }
 }
 
-/// Which cell a node is.
+/// Returns the kind of a node's cell.
 ///
 /// # Errors
-/// What PyTorch does not export.
+/// A node that PyTorch does not export.
 pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, NodeError> {
     let input = |number: usize| node.input.get(number).filter(|name| !name.is_empty());
     let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };
@@ -131,6 +131,7 @@ pub(super) fn plain(node: &Node, attributes: &Attributes) -> Result<Cell, NodeEr
     if !(direction.is_empty() || direction == b"forward")
         || attributes.integer("layout", 0) != 0
         || attributes.integer("input_forget", 0) != 0
+        // PyTorch's reset gate acts behind the product with the last output; ONNX's default is before it.
         || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
     {
         return Err(unread("only forward layers as PyTorch exports them are read"));
@@ -175,6 +176,7 @@ pub(super) fn layer_of(
     };
     let (wide, inputs, weight_ih) = matrix(w)?;
     let (_, hidden, weight_hh) = matrix(r)?;
+    // ONNX has both biases in one constant: that of the input's product, then that of the output's.
     let biases = match (b, constant(b)) {
         (None, _) => vec![0.0; 2 * wide],
         (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),

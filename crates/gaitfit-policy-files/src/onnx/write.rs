@@ -12,7 +12,8 @@ use gaitfit_policy::network::{Activation, Network, Recurrent, SELU};
 use gaitfit_policy::{Front, Policy, PolicyError};
 use prost::Message;
 
-/// Version of the file layout, and of the operators.
+/// Version of the file layout, and of the operators: the first set with `LayerNormalization`, and the layout
+/// of ONNX 1.12, which has it.
 const IR_VERSION: i64 = 8;
 const OPSET: i64 = 17;
 
@@ -108,6 +109,7 @@ fn model(
     if let Some(memory) = memory {
         head = remember(&mut nodes, &mut constants, memory, head);
         for (state, [before, after]) in STATES.into_iter().enumerate() {
+            // Only an LSTM has a cell besides its output.
             if state < memory.cell.remembered() {
                 let layers = [memory.layers.len()];
                 input.push(end(before, &layers, memory.outputs(), rows));
@@ -139,6 +141,7 @@ fn model(
             head = activate(&mut nodes, &mut constants, &format!("actor.{}", 2 * index + 1), head, function);
         }
     }
+    // Names of nodes' outputs are made from theirs; the graph's output needs the name that it promises.
     if let Some(last) = nodes.last_mut() {
         last.output = vec![OUTPUT.to_owned()];
     }

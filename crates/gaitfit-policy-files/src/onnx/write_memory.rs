@@ -5,7 +5,7 @@ use super::write::{constant, integer, push, whole_numbers};
 use crate::layers::transpose;
 use gaitfit_policy::network::{Cell, Recurrent, RecurrentLayer};
 
-/// What goes in and what comes out of each state: outputs, and an LSTM's cells.
+/// Names of each state's input and output: of the layers' outputs, and of an LSTM's cells.
 pub(super) const STATES: [[&str; 2]; 2] = [["h_in", "h_out"], ["c_in", "c_out"]];
 
 /// Adds the layers' nodes behind `head`, rows of observations, and gives the name of their output: an axis of one time

@@ -1,6 +1,6 @@
 //! Operators that look at several numbers of a robot: sums over axes, and functions of the numbers along an axis.
 
-/// What becomes of numbers that go to the same place.
+/// Reduction of the numbers that go to the same place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reduction {
     /// Σ x.
@@ -20,7 +20,8 @@ pub enum Reduction {
 }
 
 impl Reduction {
-    /// Of one robot: `to` is the place in `out` of each number of `input`, `each` how many go to a place. Sums in `f64`.
+    /// Reduces the numbers of one robot: `to` is the place in `out` of each number of `input`, `each` how
+    /// many go to a place. Sums in `f64`.
     pub fn apply(self, out: &mut [f32], input: &[f32], to: &[u32], each: usize) {
         let start = match self {
             Self::Max => f64::NEG_INFINITY,
@@ -65,7 +66,7 @@ pub enum Along {
 }
 
 impl Along {
-    /// Of one robot: runs of `length` numbers that are `stride` apart.
+    /// Writes its values for one robot, for runs of `length` numbers that are `stride` apart.
     pub fn apply(self, out: &mut [f32], input: &[f32], length: usize, stride: usize) {
         let mut run = vec![0.0; length];
         for block in 0..input.len() / (length * stride) {
@@ -89,6 +90,7 @@ impl Along {
         };
         match self {
             Self::Softmax | Self::LogSoftmax => {
+                // Less the largest, no exponential overflows.
                 let largest = run.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let log = sum(&run.iter().map(|x| x - largest).collect::<Vec<_>>(), f64::exp).ln() + largest;
                 change(run, log, 1.0);

@@ -46,7 +46,7 @@ pub enum Function {
 }
 
 impl Function {
-    /// Of every number.
+    /// Replaces every number by its value.
     pub fn apply(self, numbers: &mut [f32]) {
         let each = |numbers: &mut [f32], function: fn(f32) -> f32| {
             numbers.iter_mut().for_each(|x| *x = function(*x));
@@ -65,6 +65,7 @@ impl Function {
             Self::Softsign => each(numbers, |x| x / (1.0 + x.abs())),
             Self::Sin => each(numbers, f32::sin),
             Self::Cos => each(numbers, f32::cos),
+            // `signum` of 0 is 1 in Rust.
             Self::Sign => each(numbers, |x| if x == 0.0 { 0.0 } else { x.signum() }),
             Self::Floor => each(numbers, f32::floor),
             Self::Not => each(numbers, |x| f32::from(u8::from(x == 0.0))),
@@ -79,6 +80,7 @@ impl Function {
 
 /// ln(1 + eˣ).
 fn softplus(x: f32) -> f32 {
+    // Written so that no large x overflows: for x > 0 it is x + ln(1 + e⁻ˣ).
     x.max(0.0) + (-x.abs()).exp().ln_1p()
 }
 
@@ -91,7 +93,7 @@ fn erf(x: f32) -> f32 {
     (1.0 - p * t * (-z * z).exp()).copysign(f64::from(x)) as f32
 }
 
-/// What becomes of two numbers.
+/// A function of two numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Binary {
     /// a + b.
@@ -126,14 +128,14 @@ pub enum Binary {
     Or,
 }
 
-/// Which number of an operand belongs to a place of the result.
+/// Rule that gives the number of an operand for a place of the result.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Reach {
     /// The same place.
     Same,
-    /// The one that there is.
+    /// The operand's only number, for all places.
     One,
-    /// A place each.
+    /// A place in the operand for each place of the result.
     Listed(Vec<u32>),
 }
 
@@ -150,7 +152,7 @@ impl Reach {
 }
 
 impl Binary {
-    /// Of one robot.
+    /// Writes its values for one robot.
     pub fn apply(self, out: &mut [f32], a: (&[f32], &Reach), b: (&[f32], &Reach)) {
         let truth = |truth: bool| f32::from(u8::from(truth));
         match self {
@@ -161,6 +163,7 @@ impl Binary {
             // A NaN stays one, as in ONNX.
             Self::Max => each(out, a, b, |a, b| if a > b || a.is_nan() { a } else { b }),
             Self::Min => each(out, a, b, |a, b| if a < b || a.is_nan() { a } else { b }),
+            // A product is exact where a power is not.
             Self::Pow => each(out, a, b, |a, b| if b == 2.0 { a * a } else { a.powf(b) }),
             Self::PRelu => each(out, a, b, |a, b| if a > 0.0 { a } else { a * b }),
             Self::Equal => each(out, a, b, |a, b| truth(a == b)),

@@ -1,4 +1,4 @@
-//! Which numbers of the observation the inputs of a graph take.
+//! Choice of the numbers of the observation that each input of a graph takes.
 
 use crate::error::invalid;
 use crate::observation::Layout;
@@ -6,10 +6,10 @@ use crate::{Interface, PolicyError, Quantity};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// What each input of a graph takes, by its name.
+/// Numbers that each input of a graph takes, by the input's name.
 pub type Inputs = IndexMap<String, Taken>;
 
-/// What an input takes of the observation.
+/// Numbers of the observation that an input takes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "give \"all\", \"present\", \"past\", or a list of quantities")]
 pub enum Taken {

@@ -27,7 +27,7 @@ pub struct Graph {
     plan: Arc<Plan>,
 }
 
-/// What a graph does.
+/// Inputs, steps and output of a graph.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Width of the observation.
@@ -36,7 +36,7 @@ pub struct Plan {
     pub feeds: Vec<Feed>,
     /// Inputs that take an output of the step before; zeros at an episode's start.
     pub carried: Vec<Carried>,
-    /// What is computed, in this order.
+    /// Steps, in the order in which they are computed.
     pub steps: Vec<Step>,
     /// Numbers that are the same for all robots.
     pub constants: Vec<Vec<f32>>,
@@ -44,11 +44,11 @@ pub struct Plan {
     pub counts: Vec<usize>,
     /// Where the actions are.
     pub actions: Operand,
-    /// How many they are.
+    /// Number of actions.
     pub outputs: usize,
     /// The file: an ONNX model that holds all its numbers.
     pub source: Vec<u8>,
-    /// What each input takes, as descriptions write it.
+    /// Numbers that each input takes, as descriptions write it.
     pub inputs: Inputs,
     /// The output that is the action.
     pub output: String,
@@ -72,13 +72,13 @@ pub struct Carried {
     pub name: String,
     /// The value that the input is.
     pub value: usize,
-    /// What becomes it.
+    /// Value that becomes the input.
     pub from: Operand,
-    /// How many numbers it has, a robot.
+    /// Its numbers a robot.
     pub count: usize,
 }
 
-/// What an operator works on.
+/// An input of an operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operand {
     /// A value, by its place in [`Plan::counts`].
@@ -98,20 +98,20 @@ impl Default for Operand {
 pub struct Step {
     /// What it does.
     pub operator: Operator,
-    /// What it works on.
+    /// Its operands.
     pub inputs: Vec<Operand>,
     /// The value that it gives.
     pub output: usize,
 }
 
-/// What a step does.
+/// The operator of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Operator {
     /// Number by number: the input and the place that it is taken from. Cuts, joins, turns and repeats are all this.
     Take(Vec<[u32; 2]>),
     /// A function of each number.
     Function(Function),
-    /// What becomes of two operands, and which of their numbers meet.
+    /// A function of two operands, and which of their numbers meet.
     Binary(Binary, [Reach; 2]),
     /// The second where the first is not zero, else the third.
     Choose([Reach; 3]),
@@ -124,7 +124,7 @@ pub enum Operator {
     },
     /// `many` products of matrices, `rows × inner` and `inner × outer`; a factor that is not repeated is there once.
     Products {
-        /// How many products.
+        /// Number of products.
         many: usize,
         /// Rows of the first factor.
         rows: usize,
@@ -137,11 +137,11 @@ pub enum Operator {
     },
     /// Sums and the like: where each number of the input goes, and how many go to each number of the output.
     Reduce {
-        /// What becomes of numbers that go to the same place.
+        /// Reduction of the numbers that go to the same place.
         what: Reduction,
         /// Place in the output of each number of the input.
         to: Vec<u32>,
-        /// How many go to a place.
+        /// Numbers that go to a place.
         each: usize,
     },
     /// A function of the numbers along an axis of `length`, `stride` apart.
@@ -150,7 +150,7 @@ pub enum Operator {
         what: Along,
         /// Numbers along the axis.
         length: usize,
-        /// How far apart they are.
+        /// Distance between neighbours along the axis.
         stride: usize,
     },
     /// A recurrent layer along `times` time steps: inputs, output before and, of an LSTM, its cell before. It gives all
@@ -220,6 +220,7 @@ impl Graph {
         let plan = &*self.plan;
         actions.clear();
         let mut values = std::mem::take(scratch.values());
+        // Never fewer than before: policies of several graphs share the thread's lists.
         values.resize_with(plan.counts.len().max(values.len()), Vec::new);
         for first in (0..rows).step_by(TILE) {
             let rows = TILE.min(rows - first);
@@ -239,6 +240,7 @@ impl Graph {
             }
             plan.copy(plan.actions, rows, &values, actions);
             for (number, one) in plan.carried.iter().enumerate() {
+                // All outputs were computed from the old memory, so now each part of it may be replaced.
                 let mut new = Vec::with_capacity(rows * one.count);
                 plan.copy(one.from, rows, &values, &mut new);
                 memory.of_kind(number)[first * one.count..(first + rows) * one.count].copy_from_slice(&new);
@@ -288,6 +290,7 @@ impl Plan {
         out.clear();
         out.resize(rows * count, 0.0);
         {
+            // The output was taken out of the list, so that inputs can be borrowed while it is written.
             let values = &*values;
             let input = |number: usize| self.numbers(step.inputs[number], values);
             match &step.operator {

@@ -92,7 +92,7 @@ fn tanh<T: Scalar, const FUSED: bool>(x: T) -> T {
     x.hyperbolic_tangent::<FUSED>()
 }
 
-/// Units that are computed together, in registers.
+/// Units that are computed together, in registers: one vector of AVX-512 in `f32`.
 const LANES: usize = 16;
 
 /// The blocks of a row of gates, one a gate.
@@ -101,7 +101,7 @@ fn blocks<T, const GATES: usize>(row: &[T], width: usize) -> [&[T]; GATES] {
     std::array::from_fn(|gate| &row[gate * width..(gate + 1) * width])
 }
 
-/// The same to write to; rows of three gates have an empty fourth block.
+/// As [`blocks`], to write to; rows of three gates have an empty fourth block.
 #[inline(always)]
 fn blocks_mut<T>(row: &mut [T], width: usize) -> [&mut [T]; 4] {
     let (a, rest) = row.split_at_mut(width);
@@ -153,6 +153,7 @@ fn lstm_units<T: Scalar, const FUSED: bool, const N: usize>(
     for (gate, values) in gates.iter_mut().enumerate() {
         for u in 0..N {
             let sum = values[u] + b[gate][u] + (of_output[gate][u] + c[gate][u]);
+            // Gate 2 is g, the candidate for the cell; the others are weights between 0 and 1.
             values[u] = if gate == 2 { tanh::<T, FUSED>(sum) } else { sigmoid::<T, FUSED>(sum) };
         }
     }
@@ -207,6 +208,8 @@ fn lstm_back_units<T: Scalar, const FUSED: bool, const N: usize>(
     for u in 0..N {
         let (iu, fu, gu, ou) = (i[u], f[u], g[u], o[u]);
         let t = tanh::<T, FUSED>(cell[u]);
+        // ∂loss/∂c′: from the steps after this one and through h′ = σ(o) tanh(c′). Derivatives of the
+        // functions follow from their values: σ′ = σ (1 − σ), tanh′ = 1 − tanh².
         let c = carried[u] + pull[u] * ou * (T::ONE - t * t);
         o[u] = pull[u] * t * ou * (T::ONE - ou);
         i[u] = c * gu * iu * (T::ONE - iu);
@@ -216,6 +219,7 @@ fn lstm_back_units<T: Scalar, const FUSED: bool, const N: usize>(
     }
     x.iter_mut().zip([i, f, g, o]).for_each(|(block, values)| put(block, at, values));
     put(of_cell, at, carried);
+    // An LSTM's output reaches the next step through the weights alone, whose part the caller adds.
     put(of_state, at, [T::ZERO; N]);
 }
 
@@ -232,6 +236,8 @@ fn gru_back_units<T: Scalar, const FUSED: bool, const N: usize>(
         (take::<T, N>(h[2], at), take::<T, N>(before, at), take::<T, N>(of_state, at));
     for u in 0..N {
         let (ru, zu, nu, d) = (r[u], z[u], n[u], pull[u]);
+        // `new` is ∂loss/∂ of the argument of n. A GRU's reset gate acts on hₙ, which gets a derivative of
+        // its own.
         let new = d * (T::ONE - zu) * (T::ONE - nu * nu);
         r[u] = new * hn[u] * ru * (T::ONE - ru);
         z[u] = d * (before[u] - nu) * zu * (T::ONE - zu);

@@ -4,7 +4,7 @@ use gaitfit_isa::kernels;
 
 use super::{Activation, activation::SELU, scalar::Scalar};
 
-/// Columns that are summed together, in registers.
+/// Columns that are summed together, in registers: four vectors of AVX-512, eight of AVX2 in `f32`.
 const COLUMNS: usize = 64;
 
 /// d *= slope(h) and sums += Σ over the rows of d.
@@ -116,6 +116,7 @@ kernels! {
         let width = bias.len();
         let inputs = w.len() / width;
         assert_eq!(x.len() * width, y.len() * inputs, "rows of a matrix product differ");
+        // Zeros beyond the last column fill whole vectors; their sums are not written.
         let mut wide = vec![[T::ZERO; NARROW]; inputs];
         for (wide, w) in wide.iter_mut().zip(w.chunks_exact(width)) {
             wide[..width].copy_from_slice(w);

@@ -12,7 +12,7 @@ pub struct LayerNorm {
 }
 
 impl LayerNorm {
-    /// What PyTorch takes for ε.
+    /// PyTorch's default for ε.
     pub const EPSILON: f32 = 1e-5;
 
     /// Normalises and scales each row of `rows`; the bias is left to what follows. Sums in `f64`.

@@ -15,8 +15,8 @@ pub struct Network {
     pub shape: Shape,
     /// All weights and biases, [`Shape::parameters`] of them, from a cache line's beginning on.
     pub parameters: AVec<f32>,
-    /// What normalises the sums of each hidden layer before its activation; layers beyond the list have none. For
-    /// inference: trainings refuse it.
+    /// Layer norms of the sums of each hidden layer before its activation; layers beyond the list have none.
+    /// For inference: trainings refuse it.
     pub norms: Vec<Option<LayerNorm>>,
     /// Function of the output; none is linear. For inference.
     pub output: Option<Activation>,
@@ -29,7 +29,7 @@ pub struct Scratch {
     buffers: [AVec<f32>; 2],
     /// The input of the first layer, where there is a normaliser.
     normalised: Vec<f32>,
-    /// What the operators of a graph give.
+    /// Results of the operators of a graph.
     values: Vec<Vec<f32>>,
 }
 
@@ -45,7 +45,7 @@ impl Scratch {
         Self::default()
     }
 
-    /// What the operators of a graph give, a list each.
+    /// Results of the operators of a graph, a list each.
     pub(crate) fn values(&mut self) -> &mut Vec<Vec<f32>> {
         &mut self.values
     }
@@ -70,6 +70,7 @@ impl Network {
     pub fn identity(width: usize) -> Result<Self, ShapeError> {
         let shape = Shape { inputs: width, hidden: Vec::new(), outputs: width, activation: Activation::Elu };
         let mut parameters = vec![0.0; shape.parameters()];
+        // The diagonal of the weight; biases behind it stay 0.
         (0..width).for_each(|number| parameters[number * (width + 1)] = 1.0);
         Self::new(shape, &parameters)
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Added to the variance, so that a quantity that never moved is not blown up.
+/// Added to the variance, so that a quantity that never moved is not blown up: factors are at most 10.
 const EPSILON: f64 = 1e-2;
 
 /// Mean and variance of every element of an observation, over all rows seen so far.
@@ -18,7 +18,8 @@ pub struct Normaliser {
 }
 
 impl Normaliser {
-    /// Of `width` elements, before any row: mean 0, variance 1. [`Self::apply`] then only divides by √1.01.
+    /// Statistics of `width` elements before any row: mean 0, variance 1. [`Self::apply`] then only divides
+    /// by √1.01.
     pub fn new(width: usize) -> Self {
         Self { mean: vec![0.0; width], variance: vec![1.0; width], count: 0.0 }
     }

@@ -12,13 +12,13 @@ pub struct RecurrentLayer {
     pub inputs: usize,
     /// Units.
     pub hidden: usize,
-    /// From the input to the gates: `inputs × gates · hidden`, row-major.
+    /// Weights from the input to the gates: `inputs × gates · hidden`, row-major.
     pub weight_ih: Vec<f32>,
-    /// From the last output to the gates: `hidden × gates · hidden`, row-major.
+    /// Weights from the last output to the gates: `hidden × gates · hidden`, row-major.
     pub weight_hh: Vec<f32>,
-    /// Of the input's product, `gates · hidden`.
+    /// Bias of the input's product, `gates · hidden`.
     pub bias_ih: Vec<f32>,
-    /// Of the last output's product, `gates · hidden`.
+    /// Bias of the last output's product, `gates · hidden`.
     pub bias_hh: Vec<f32>,
 }
 
@@ -31,13 +31,13 @@ pub struct Recurrent {
     pub layers: Vec<RecurrentLayer>,
 }
 
-/// What recurrent layers remember of some environments. Empty for policies without.
+/// Memory of recurrent layers, for some environments. Empty for policies without such layers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     layers: Vec<State>,
 }
 
-/// Of one layer, `environments × hidden` each; `cell` is empty for a GRU.
+/// Memory of one layer, `environments × hidden` each; `cell` is empty for a GRU.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct State {
     hidden: usize,
@@ -77,7 +77,7 @@ impl Memory {
         self.arrays().map(|(_, width)| width).sum()
     }
 
-    /// How many environments it remembers; `None` without layers.
+    /// Number of environments; `None` without layers.
     pub fn environments(&self) -> Option<usize> {
         self.arrays().next().map(|(values, width)| values.len() / width)
     }
@@ -194,7 +194,8 @@ impl Recurrent {
             .flat_map(|layer| [&layer.weight_ih[..], &layer.weight_hh, &layer.bias_ih, &layer.bias_hh])
     }
 
-    /// The same to change, with where each lies in the flat vector of [`RecurrentShape::parts`].
+    /// As [`Self::parameters`], to change, with the place of each in the flat vector of
+    /// [`RecurrentShape::parts`].
     pub fn parameters_mut(&mut self) -> impl Iterator<Item = (Part, &mut [f32])> {
         let parts = self.shape().parts();
         let arrays = self.layers.iter_mut().flat_map(|layer| {

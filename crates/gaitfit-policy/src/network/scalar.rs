@@ -32,7 +32,7 @@ pub trait Scalar:
 
     /// The nearest number of this type.
     fn from_f64(x: f64) -> Self;
-    /// The same number in double precision.
+    /// Converts to double precision.
     fn to_f64(self) -> f64;
     /// self · a + b: in one rounding if `FUSED`, which only code compiled for fused multiply-add may ask for (elsewhere
     /// it is a slow call), else in two.
@@ -146,6 +146,7 @@ impl Scalar for f32 {
     fn exponential<const FUSED: bool>(self) -> Self {
         // 1.5 × 2²³: adding it leaves the nearest integer in the low bits of the sum.
         const ROUND: f32 = 12_582_912.0;
+        // 0.693359375 is 355/512, so n times it is exact in `f32`; the second part is the rest of ln 2.
         const LN_2_HIGH: f32 = 0.693_359_4;
         const LN_2_LOW: f32 = -2.121_944_4e-4;
         // Selections written so that a NaN fails the comparison and passes through.
@@ -158,12 +159,15 @@ impl Scalar for f32 {
         for coefficient in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
             p = p.multiply_add::<FUSED>(r, coefficient);
         }
+        // The low bits of `shifted` hold n; shifted to the exponent's place, with its bias of 127, they are
+        // 2ⁿ.
         p * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
     }
 
     /// 1 − 2 / (e²ˣ + 1), from `exponential`.
     #[inline(always)]
     fn hyperbolic_tangent<const FUSED: bool>(self) -> Self {
+        // tanh 10 is 1 in `f32`.
         let x = if self > 10.0 { 10.0 } else { self };
         1.0 - 2.0 / ((2.0 * x).exponential::<FUSED>() + 1.0)
     }

@@ -13,7 +13,7 @@ use super::{Recurrent, lanes};
 
 /// Parameters of recurrent layers as the passes of a gradient want them.
 pub struct RecurrentWeights<T> {
-    /// Of the layers.
+    /// Shape of the layers.
     pub shape: RecurrentShape,
     /// As [`RecurrentShape::parts`] has them.
     parameters: AVec<T>,
@@ -22,7 +22,7 @@ pub struct RecurrentWeights<T> {
 }
 
 impl<T: Scalar> RecurrentWeights<T> {
-    /// Of `shape`, with these parameters in the order of [`RecurrentShape::parts`].
+    /// The weights of layers of `shape`, with these parameters in the order of [`RecurrentShape::parts`].
     ///
     /// # Panics
     /// If there are fewer: an error of the caller.
@@ -50,7 +50,7 @@ impl From<&Recurrent> for RecurrentWeights<f32> {
     }
 }
 
-/// What goes through recurrent layers.
+/// Inputs of recurrent layers over some steps of some robots.
 #[derive(Clone, Copy)]
 pub struct Sequences<'a, T> {
     /// Steps.
@@ -61,7 +61,7 @@ pub struct Sequences<'a, T> {
     pub input: &'a [T],
     /// Whether an episode begins with a step, so that nothing is remembered before it; `steps × robots`.
     pub begins: &'a [bool],
-    /// What is remembered before the first step; `robots × remembered`, as [`super::Memory::append_row`] gives it.
+    /// Memory before the first step; `robots × remembered`, as [`super::Memory::append_row`] gives it.
     pub start: &'a [T],
 }
 
@@ -71,10 +71,10 @@ struct LayerTape<T> {
     gates: AVec<T>,
     /// `rows × gates · hidden`.
     of_output: AVec<T>,
-    /// Before and after every step, `rows × hidden`.
+    /// Output before and after every step, `rows × hidden`.
     output_before: AVec<T>,
     output: AVec<T>,
-    /// The same of an LSTM's cell.
+    /// Cell of an LSTM before and after every step.
     cell_before: AVec<T>,
     cell: AVec<T>,
 }
@@ -117,7 +117,8 @@ impl<T: Scalar> LayerTape<T> {
     }
 }
 
-/// What a step begins with: `start` in the first step, else what the step before left; nothing where an episode begins.
+/// Fills the memory that a step begins with: `start` in the first step, else the result of the step before;
+/// zeros where an episode begins.
 fn carry<T: Scalar>(before: &mut [T], after: &[T], start: &[T], step: usize, begins: &[bool]) {
     if before.is_empty() {
         return;
@@ -169,6 +170,8 @@ impl<T: Scalar> SequenceTape<T> {
                 span.parts.each_ref().map(|range| &weights.parameters[range.clone()]);
             let x = below.last().map_or(input, |layer| &layer.output);
             let x = Matrix::row_major(x, rows, span.inputs);
+            // The inputs of all steps are known, so they are multiplied at once. Only outputs go step by
+            // step.
             matmul::multiply(&mut layer.gates, x, Matrix::row_major(weight_ih, span.inputs, wide), false);
             for step in 0..steps {
                 let begins = &begins[step * robots..(step + 1) * robots];
@@ -226,6 +229,8 @@ impl<T: Scalar> SequenceTape<T> {
                 let range = |width: usize| step * robots * width..(step + 1) * robots * width;
                 let states = range(hidden);
                 let cells = if cell == Cell::Lstm { states.clone() } else { 0..0 };
+                // Derivative by this step's output: through later steps, and through what stands behind the
+                // layers.
                 lanes::add(&mut self.of_state, &self.derivative[states.clone()]);
                 let back = Back {
                     gates: &mut layer.gates[range(wide)],
@@ -238,6 +243,7 @@ impl<T: Scalar> SequenceTape<T> {
                 };
                 back.take(cell, hidden);
                 let products = layer.of_products(cell);
+                // Through the weights to the output before; where an episode begins there is none.
                 let d = Matrix::row_major(&products[range(wide)], robots, wide);
                 let weight = Matrix::row_major(&weights.transposed[weight_hh.clone()], wide, hidden);
                 matmul::multiply(&mut self.of_state, d, weight, true);
@@ -251,6 +257,7 @@ impl<T: Scalar> SequenceTape<T> {
             let of_input = Matrix::row_major(&layer.gates, rows, wide);
             let products = layer.of_products(cell);
             let of_output = Matrix::row_major(products, rows, wide);
+            // Weights are the same at all steps: their derivatives are one product over all rows.
             matmul::multiply(&mut gradient[weight_ih.clone()], x.transposed(), of_input, true);
             matmul::multiply(&mut gradient[weight_hh], before.transposed(), of_output, true);
             lanes::add_column_sums(&mut gradient[bias_ih], &layer.gates);

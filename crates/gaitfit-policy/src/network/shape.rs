@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Activation;
 
-/// Most parameters of one network.
+/// Max number of parameters of one network.
 pub const MAX_PARAMETERS: usize = 16 << 20;
 
 /// Sizes of a fully connected network: inputs, hidden layers, outputs.
@@ -36,7 +36,7 @@ pub struct Layer {
     pub bias: Range<usize>,
 }
 
-/// A network that cannot be.
+/// Reasons why a network is impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShapeError {
     /// A layer without numbers.
@@ -47,9 +47,9 @@ pub enum ShapeError {
     Parameters {
         /// The layers' widths, "45-128-12".
         shape: String,
-        /// What the shape needs.
+        /// Parameters that the shape needs.
         expected: usize,
-        /// What there is.
+        /// Parameters that were given.
         found: usize,
     },
     /// A layer norm of another width, or without a positive ε.

@@ -118,6 +118,7 @@ impl<T: Scalar> Tape<T> {
                 matmul::multiply(of_weight, x_matrix.transposed(), derivative_matrix, true);
             }
             if last {
+                // Biases of hidden layers are summed with the slopes, in the pass below.
                 lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
             }
             if index == 0 {

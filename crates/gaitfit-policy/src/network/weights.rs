@@ -6,7 +6,7 @@ use super::{Shape, scalar::Scalar};
 
 /// Parameters with each matrix in both orders, so that it can be read row by row on the way forth and back.
 pub struct Weights<'a, T> {
-    /// Of the network.
+    /// Shape of the network.
     pub shape: &'a Shape,
     /// As [`Shape::layers`] has them.
     pub(super) parameters: &'a [T],
@@ -16,12 +16,13 @@ pub struct Weights<'a, T> {
 }
 
 impl<'a, T: Scalar> Weights<'a, T> {
-    /// Of `shape` with these parameters.
+    /// The weights of a network of `shape` with these parameters.
     pub fn new(shape: &'a Shape, parameters: &'a [T]) -> Self {
         Self::transposing(shape, parameters, 1)
     }
 
-    /// The same for a network behind another, to which [`super::Tape::to_input`] goes back through the first layer too.
+    /// As [`Self::new`], for a network behind another, to which [`super::Tape::to_input`] goes back through
+    /// the first layer too.
     pub fn behind_another(shape: &'a Shape, parameters: &'a [T]) -> Self {
         Self::transposing(shape, parameters, 0)
     }

@@ -16,7 +16,7 @@ impl LastAction {
         Self { joints, rows: vec![0.0; environments * joints] }
     }
 
-    /// Of environment `index`; `joints` numbers.
+    /// The last action of environment `index`; `joints` numbers.
     ///
     /// # Panics
     /// If there is no such environment.

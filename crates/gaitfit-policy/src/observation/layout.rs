@@ -43,7 +43,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Of `terms`, for example [`Interface::observation`]. The interface has passed [`Interface::check`].
+    /// The layout of `terms`, for example of [`Interface::observation`]. The interface has passed
+    /// [`Interface::check`].
     pub fn new(interface: &Interface, terms: &[Term]) -> Self {
         let joints = interface.joints.len();
         let frame: usize = terms.iter().map(|term| term.quantity.width(joints)).sum();
@@ -177,6 +178,7 @@ impl Layout {
             if let (Quantity::EarlierAction, Some((place, factors)), Some(past)) =
                 (slot.quantity, &self.last_action, past)
             {
+                // The row holds it scaled.
                 let before = past[*place..].iter().zip(factors);
                 out.iter_mut().zip(before).for_each(|(out, (value, factor))| *out = value / factor);
             }

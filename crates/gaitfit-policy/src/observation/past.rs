@@ -15,7 +15,7 @@ pub struct Past {
 }
 
 impl Past {
-    /// Of `environments` robots whose episodes begin.
+    /// Past rows of `environments` robots whose episodes begin.
     pub fn new(layout: &Layout, environments: usize) -> Self {
         let width = if layout.frames() > 1 { layout.width() } else { 0 };
         let kept = if width > 0 { environments } else { 0 };
@@ -67,7 +67,7 @@ impl Past {
         self.rows.iter().copied().chain(self.begun.iter().map(|&begun| f32::from(u8::from(begun))))
     }
 
-    /// How many [`Past::numbers`] there are.
+    /// Count of [`Past::numbers`].
     pub fn size(&self) -> usize {
         self.rows.len() + self.begun.len()
     }

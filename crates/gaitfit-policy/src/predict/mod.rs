@@ -16,7 +16,7 @@ use crate::walker::{TorqueNoise, Walker, WalkerError};
 use odometry::Legs;
 pub use odometry::{Feet, Foot};
 
-/// What a log says of one run. Joint vectors are in the model's order.
+/// Signals of one run from a log. Joint vectors are in the model's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Course {
     /// Position targets sent after each sample, rad; `samples × joints`.
@@ -66,7 +66,7 @@ impl Course {
         self.position.len() / self.samples()
     }
 
-    /// What the sensors read at sample `sample`, as a start with the base at the origin and at rest.
+    /// Readings of the sensors at sample `sample`, as a start with the base at the origin and at rest.
     pub fn reading(&self, sample: usize) -> Start {
         let row = sample * self.joints()..(sample + 1) * self.joints();
         Start {
@@ -121,7 +121,7 @@ impl Course {
     }
 }
 
-/// How a job's robot is corrected by the readings of a log's sensors.
+/// Correction of a job's robot by the readings of a log's sensors.
 struct Correction<'a> {
     /// Errors of its encoders, rad, and of its inertial unit; they are removed from the readings.
     bias: &'a [f64],
@@ -148,9 +148,11 @@ impl<'a> Correction<'a> {
         let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
         let base = course.base(sample, self.imu.as_ref());
         if let Some(change) = course.legs.change(feet, motion, index, course, sample, base) {
+            // Height alone: on flat ground the place of the base along it changes nothing.
             place[2] += (self.feet_trust * change.height) as f32;
             (0..3).for_each(|k| linear[k] += (self.feet_trust * change.linear[k]) as f32);
         }
+        // A diverged robot is left as it is, so that the fit sees it.
         if !linear.iter().chain(&place).all(|x| x.is_finite()) {
             return None;
         }

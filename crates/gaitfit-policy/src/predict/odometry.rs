@@ -58,6 +58,8 @@ impl Feet {
                 }
                 Shape::Box { .. } => 0.0,
             };
+            // Only a driven wheel rolls. A foot that is a cylinder on a joint with angle targets stands like
+            // any other.
             let mut driven = model.velocity_targets.iter().copied();
             let wheel =
                 driven.find(|&joint| model.joints[joint].body == geom.body).map(|joint| (joint, radius));
@@ -78,6 +80,8 @@ impl Foot {
         let down = rotate_back(base.map(f64::from), [0.0, 0.0, -1.0]);
         let across = sub(down, scale(dot(down, axis), axis));
         let sine = dot(across, across).sqrt();
+        // `across` is the direction down within the wheel's plane, of length sine: the rim is a radius away
+        // along it.
         if sine > MIN_UPRIGHT_SINE { add(centre, scale(radius / sine, across)) } else { centre }
     }
 }
@@ -93,13 +97,13 @@ pub(super) struct Legs {
 struct Place {
     /// The foot's centre, or the lowest point of a wheel's rim, m, base frame.
     at: [f32; 3],
-    /// What this point moves for a unit of each joint of its leg, m/rad.
+    /// Displacement of this point by a unit of each joint of its leg, m/rad.
     columns: Vec<[f32; 3]>,
     /// The point's velocity in the base's frame, m/s.
     velocity: [f32; 3],
 }
 
-/// How the base has to move.
+/// Change of the base's height and velocity.
 pub(super) struct Change {
     /// m.
     pub height: f64,
@@ -162,9 +166,9 @@ impl Legs {
         numbers
     }
 
-    /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where
-    /// sample `sample` of `course` says; `None` where too little load rests on them. `base`: orientation and
-    /// rates (rad/s, body frame) of the base there.
+    /// Returns the change of the base with which the standing feet go on as they do in `motion` when robot
+    /// `index` is put where sample `sample` of `course` says; `None` where too little load rests on them.
+    /// `base`: orientation and rates (rad/s, body frame) of the base there.
     pub fn change(
         &self,
         feet: &Feet,
@@ -178,6 +182,7 @@ impl Legs {
         let force = |&geom: &usize| f64::from(motion.normal_force[index * geoms + geom]);
         let load = |foot: &Foot| foot.forces.iter().map(force).sum::<f64>();
         let total: f64 = feet.feet.iter().map(load).sum();
+        // A flying robot keeps the velocity and height that the simulation gives it.
         if total.is_nan() || total <= feet.least_load {
             return None;
         }
@@ -201,6 +206,8 @@ impl Legs {
                 there = add(there, scale(error(&motion.joint_position, &course.position), column));
                 moving = add(moving, scale(error(motion.velocity_readings(), &course.velocity), column));
             }
+            // Velocity of the foot against the base's origin, in the world: how it is now, and how it would
+            // be with the sensors' readings. The base makes up the difference.
             let before = rotate(simulated, add(moving, cross(rates, there)));
             let after = rotate(logged, add(velocity, cross(logged_rates, at)));
             linear = add(linear, scale(share, sub(before, after)));

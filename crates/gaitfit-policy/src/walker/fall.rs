@@ -22,10 +22,10 @@ pub struct FallSettings {
     pub height: f64,
 }
 
-/// Least normal force that counts as touching, N.
+/// Min normal force that counts as touching, N.
 pub const TOUCH: f32 = 1.0;
 
-/// How many of the geoms in `places` touch the ground; `forces` are of one environment
+/// Counts the geoms in `places` that touch the ground; `forces` are of one environment
 /// ([`Motion::normal_force`]).
 ///
 /// # Panics

@@ -69,6 +69,7 @@ fn find(model: &Model, name: &str) -> Result<NamedFoot, WalkerError> {
         geoms.iter().map(|&geom| model.geoms[geom].pos[k]).sum::<f64>() / geoms.len().max(1) as f64
     });
     let off = |geom: usize| sub(model.geoms[geom].pos, mean).iter().map(|x| x * x).sum::<f64>();
+    // The geom nearest to the middle of all stands for the foot's place.
     match geoms.iter().copied().min_by(|&a, &b| off(a).total_cmp(&off(b))) {
         Some(main) => Ok(NamedFoot { main, geoms }),
         None => Err(unknown(model, name, &contacts)),

@@ -22,7 +22,7 @@ pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
 pub use start::{GAP, standing, standing_on};
 
-/// How a policy's robot is simulated, and when it counts as fallen.
+/// Settings of a policy's robot: how it is simulated, and when it counts as fallen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WalkerOptions {
     /// Physics steps between actions.
@@ -124,6 +124,7 @@ impl Walker {
             critic_observation: Layout::new(&interface, &interface.critic_observation),
             interface,
             batch,
+            // Its threads are for replays; a tile is advanced by the thread that calls it.
             engine: Box::new(Cpu { threads: 1 }),
             joints,
             default_pose,
@@ -268,8 +269,8 @@ impl Walker {
         self.fall.uprightness(up)
     }
 
-    /// Least uprightness and least height (m) of a robot that has not fallen, and where gravity is in the body frame in the
-    /// wanted posture.
+    /// Min uprightness and min height (m) of a robot that has not fallen, and where gravity is in the body
+    /// frame in the wanted posture.
     pub fn fall_limits(&self) -> (f32, f32, [f32; 3]) {
         (self.fall.least_uprightness, self.fall.height, self.fall.posture)
     }

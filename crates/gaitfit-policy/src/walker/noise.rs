@@ -28,7 +28,7 @@ impl TorqueNoise {
         self.draw(walker, |_| candidate.torque_noise, seed, first, step, count)
     }
 
-    /// The same of environments that differ: a deviation each, N·m.
+    /// As [`Self::torques`], for environments that differ: a deviation each, N·m.
     pub fn torques_of(
         &mut self,
         walker: &Walker,
@@ -49,6 +49,7 @@ impl TorqueNoise {
         step: u32,
         count: usize,
     ) -> &[f32] {
+        // Robots without noise draw nothing, which costs no time, and the step adds nothing to their torques.
         if (0..count).all(|environment| deviation(environment) <= 0.0) {
             return &[];
         }

@@ -7,7 +7,8 @@ use gaitfit_sim::Start;
 
 use super::Walker;
 
-/// Gap between the lowest foot and the ground, m.
+/// Gap between the lowest foot and the ground, m, so that no foot begins in the ground, which would push it
+/// out.
 pub const GAP: f64 = 0.002;
 
 /// At rest in a posture (orientation of the base, wxyz, and `angles`, rad, model order), feet just above the ground.
@@ -22,7 +23,7 @@ pub fn standing(model: &Model, quaternion: [f64; 4], angles: &[f64]) -> Start {
     }
 }
 
-/// The same at `place` (x and y of the base's origin, m) on uneven ground: no geom is in it.
+/// As [`standing`], at `place` (x and y of the base's origin, m) on uneven ground: no geom is in it.
 pub fn standing_on(
     model: &Model,
     ground: &Surface,

@@ -17,7 +17,7 @@ const MAX_TIMESTEP_S: f64 = 0.02;
 /// Whether settings break a rule, and what the rule says.
 type Rule = (fn(&AdaptConfig) -> bool, &'static str);
 
-/// What the settings of a fit must keep. The first broken rule is printed, so what a later rule needs comes first.
+/// Rules for the settings of a fit. The first broken rule is printed, so what a later rule needs comes first.
 const RULES: &[Rule] = &[
     (
         |config| !walks(config) && config.robot.is_empty(),
@@ -265,8 +265,8 @@ fn has_play(config: &AdaptConfig) -> bool {
     config.base == Base::Fixed && config.parameter.iter().any(|rule| rule.kind == JointParameter::Play)
 }
 
-/// How to search. Networks whose hidden weights are searched begin where no derivative shows a way; in replays of legs in
-/// the air a joint crosses its play or does not, which derivatives do not foresee.
+/// Returns the search's method. Networks whose hidden weights are searched begin where no derivative shows a
+/// way; in replays of legs in the air a joint crosses its play or does not, which derivatives do not foresee.
 fn method(config: &AdaptConfig) -> Method {
     let hidden = config.network.iter().any(|rule| rule.start != NetworkStart::Features);
     if (hidden || has_play(config)) && config.optimizer.method == Method::Auto {

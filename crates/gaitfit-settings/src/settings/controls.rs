@@ -47,7 +47,7 @@ pub struct TruthConfig {
 }
 
 impl ControlsConfig {
-    /// What is wrong with it, in words.
+    /// Names a fault of the settings, in words.
     pub fn wrong(&self) -> Option<String> {
         let ranges = [
             ("frictionloss", self.frictionloss, 1e4),

@@ -63,7 +63,7 @@ pub struct FinetuneConfig {
     pub task: Table,
 }
 
-/// What is off is left out, so that trainings without it keep their hash.
+/// Settings that are off are left out, so that trainings without them keep their hash.
 fn is_off(asked: &bool) -> bool {
     !asked
 }

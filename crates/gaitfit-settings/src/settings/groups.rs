@@ -20,6 +20,7 @@ pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
         .filter_map(|pattern| Glob::new(pattern).ok())
         .map(|glob| glob.compile_matcher())
         .collect();
+    // A joint in two groups would have two values for one parameter.
     let grouped = |name: &str| patterns.iter().filter(|pattern| pattern.is_match(name)).count() == 1;
     if joints.iter().all(|joint| grouped(joint)) {
         return None;

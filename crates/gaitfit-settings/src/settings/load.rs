@@ -14,7 +14,7 @@ pub(super) const MAX_BYTES: u64 = 16 << 20;
 
 /// A command's settings.
 pub trait Configuration: DeserializeOwned {
-    /// What prints a file to start from, for advice.
+    /// Command that prints a file to start from, for advice.
     const PRINTED_BY: &'static str;
     /// A `--set` that may stand as an example.
     const EXAMPLE: &'static str;
@@ -46,6 +46,7 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
                 line_and_column(text, place)
             )));
         }
+        // Read once for the file and once after every `--set`, so that an error names the one that is wrong.
         understand::<C>(table.clone()).map_err(located)?;
     }
     for (set, (key, line)) in sets.iter().zip(&values) {
@@ -81,7 +82,7 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
     }
 }
 
-/// What a file is that by its ending is no configuration, and which command takes it.
+/// Names the kind of a file that by its ending is no configuration, and the command that takes it.
 fn no_configuration(path: &Path) -> Option<String> {
     let shown = path.display();
     let ending = path.extension()?.to_string_lossy().to_lowercase();
@@ -213,6 +214,7 @@ fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'
 
 /// The TOML value of a line `value = …`; what is none is taken as a plain string.
 fn parse_value(line: &str) -> DeValue<'_> {
+    // Shells remove quotes, so a path or name need not have any.
     let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
         Some(value) => value.into_inner(),

@@ -14,7 +14,7 @@ use toml::{Spanned, Table};
 
 use crate::Error;
 
-/// Most robots of a drift trial.
+/// Max number of robots of a drift trial.
 pub const MAX_DRIFT: usize = 100_000;
 
 /// The defaults, as `gaitfit config loop` prints them.
@@ -109,7 +109,7 @@ pub const FREE: [&str; 8] = [
     "target.yes",
 ];
 
-/// How a loop searches with another cost than that of its defaults.
+/// Search of a loop whose cost is not that of its defaults.
 const SHORT: &str = "optimizer = { generations = 100, seeds = 2 }";
 
 /// Settings of `[adapt]` and `[finetune]` that the loop decides.
@@ -162,6 +162,7 @@ impl Configuration for LoopConfig {
             if let Some((key, _)) = inner.iter().find(|(key, _)| keys.contains(&key.get_ref().as_ref())) {
                 let name = Cow::Owned(format!("{section}.{}", key.get_ref()));
                 let name = Spanned::new(key.span(), DeValue::String(name));
+                // With the place of the key in the file, for the message of [`Decided`].
                 let key = Spanned::new(key.span(), Cow::Borrowed("decided"));
                 *table = DeTable::from_iter([(key, name)]);
                 return;
@@ -293,7 +294,7 @@ impl LoopConfig {
             checkpoint_seconds: self.checkpoint_seconds,
             ..self.adapt.clone()
         };
-        // Rounds draw different candidates.
+        // Rounds draw different candidates, but not with `seeds = 0`: the device chooses their number later.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
         adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MAX_SEED);
         adapt

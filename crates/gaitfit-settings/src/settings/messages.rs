@@ -1,11 +1,11 @@
-//! What is said of a configuration that is wrong: where, and which name was meant.
+//! Messages about a configuration that is wrong: the place, and the name that was meant.
 
 use crate::Error;
 use crate::short_numbers;
 use gaitfit_model::escaped;
 use std::path::Path;
 
-/// Most characters of a message, and of a `--set` in one.
+/// Max number of characters of a message, and of a `--set` in one.
 pub const MAX_MESSAGE: usize = 4000;
 pub const MAX_SET: usize = 200;
 
@@ -14,7 +14,7 @@ pub fn tamed(text: &str, max: usize) -> String {
     escaped(&short_numbers(text), max)
 }
 
-/// What a reader of TOML says, with the nearest name that there is.
+/// Returns the message of the TOML reader, with the nearest known name.
 pub fn explained(error: &toml::de::Error) -> String {
     let message = error.message().trim_end();
     format!("{}{}", tamed(&in_words(message), MAX_MESSAGE), nearest(message))
@@ -65,7 +65,8 @@ const OF_TRAININGS: [&str; 2] = ["ppo", "task"];
 /// Keys that only the configuration of a loop has.
 const KEYS_OF_LOOPS: [&str; 3] = ["held_out", "rounds", "improvement"];
 
-/// What a configuration is for whose key `unknown` its command does not have: `known` are the keys of that command.
+/// Names the command for a configuration whose key `unknown` the present command lacks: `known` are the
+/// present command's keys.
 fn meant_for(unknown: &str, known: &[&str]) -> Option<&'static str> {
     let trains = known.contains(&"ppo");
     let (loops, fits) = (known.contains(&"finetune"), known.contains(&"parameter"));

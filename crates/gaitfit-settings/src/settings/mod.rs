@@ -392,7 +392,8 @@ impl Default for AdaptConfig {
     }
 }
 
-/// What is fitted to logs of a clamped robot. A delay that is left out comes out as friction.
+/// Parameters that are fitted to logs of a clamped robot by default. A delay that is left out comes out as
+/// friction.
 fn clamped() -> Vec<ParameterRule> {
     let delay = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) };
     ParameterRule::fric_arm().into_iter().chain([delay]).collect()
@@ -422,6 +423,7 @@ impl Default for OptimizerConfig {
         Self {
             method: Method::Auto,
             population: 0,
+            // As in the paper (Dao and Fern).
             generations: 200,
             restarts: 0,
             seeds: 5,

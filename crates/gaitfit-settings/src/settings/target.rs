@@ -124,6 +124,7 @@ pub struct TrueNumber {
     pub value: f64,
 }
 
+/// As many and as long as in the paper's tables (Dao and Fern).
 fn trajectories() -> usize {
     64
 }
@@ -144,7 +145,7 @@ fn pause() -> f64 {
     2.0
 }
 
-/// What a real robot has, ms.
+/// Patience with a real robot, ms.
 const PATIENCE: u16 = 20;
 
 fn patience() -> u16 {
@@ -173,7 +174,7 @@ impl TargetConfig {
         !self.evaluate.is_empty() && self.evaluate.iter().all(|word| !word.contains("{drift_speeds}"))
     }
 
-    /// What is wrong with it, in words.
+    /// Names a fault of the settings, in words.
     pub fn wrong(&self) -> Option<String> {
         let (simulated, command) = (self.kind == TargetKind::Simulated, self.kind == TargetKind::Command);
         let [low, high] = self.log_shift;
@@ -225,7 +226,7 @@ impl TargetConfig {
             || !self.last_walk
     }
 
-    /// What is wrong with a robot's link and walks, in words.
+    /// Names a fault of a robot's link or walks, in words.
     fn wrong_link(&self) -> Option<String> {
         let real = self.kind == TargetKind::Robot;
         let length = self.trajectories as f64 * (self.seconds + self.pause) - self.pause;

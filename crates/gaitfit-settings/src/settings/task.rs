@@ -31,7 +31,7 @@ pub struct Task {
 }
 
 impl PartialEq for Task {
-    /// What a file says, whichever robot it is for.
+    /// Compares the settings of the file, whichever robot it is for.
     fn eq(&self, other: &Self) -> bool {
         self.base == other.base && self.settings == other.settings
     }
@@ -101,7 +101,7 @@ impl Task {
     }
 }
 
-/// That a robot needs settings of its own.
+/// States which settings a robot needs of its own.
 fn not_the_go2(base: &str, model: &Model, file: Option<&str>, missing: &[String]) -> String {
     let keys: Vec<String> = missing.iter().map(|key| format!("task.{key}")).collect();
     let file = file.map_or_else(|| "ROBOT".to_owned(), shown);
@@ -159,7 +159,7 @@ fn key(name: &'static str, span: &std::ops::Range<usize>) -> Spanned<Cow<'static
     Spanned::new(span.clone(), Cow::Borrowed(name))
 }
 
-/// What of the settings that only a robot itself has is not in `own`.
+/// Returns the settings of [`ROBOT_KEYS`] that are not in `own`.
 fn missing(own: &DeTable<'_>) -> Vec<&'static str> {
     let given = |path: &str| match path.split_once('.') {
         None => own.contains_key(path),

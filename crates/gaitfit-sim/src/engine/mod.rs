@@ -1,4 +1,4 @@
-//! What simulates: the processor, or an accelerator beside it.
+//! Engines that simulate: the processor, or an accelerator beside it.
 
 mod cpu;
 

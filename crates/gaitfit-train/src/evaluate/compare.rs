@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 /// state stopped being a number, which counts as a fall.
 pub type TrajectoryErrors = Option<[f64; 3]>;
 
-/// What one policy does more than another: differences with half their 95 % confidence intervals. Errors are
-/// differences of what lies below: a negative one is a smaller error.
+/// Differences of one policy minus another, with half their 95 % confidence intervals. Errors are differences
+/// of what lies below: a negative one is a smaller error.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// The policy.
@@ -24,21 +24,23 @@ pub struct Comparison {
     pub paired: bool,
     /// Trajectories that both have to their end or fall.
     pub trajectories: usize,
-    /// Of the linear-velocity error, m/s.
+    /// Difference of the linear-velocity error, m/s.
     pub linear_velocity_error: Estimate,
-    /// Of the angular-velocity error, rad/s.
+    /// Difference of the angular-velocity error, rad/s.
     pub angular_velocity_error: Estimate,
-    /// Of both errors added, m/s and rad/s.
+    /// Difference of the sum of both errors, m/s and rad/s.
     pub tracking_error: Estimate,
-    /// Of the joints' distance from the motion, rad, if both policies follow one. It counts then, and the errors above do not.
+    /// Difference of the joints' distance from the motion, rad, if both policies follow one. It counts then,
+    /// and the errors above do not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error: Option<Estimate>,
-    /// Of the share of falls.
+    /// Difference of the share of falls.
     pub fall_rate: Estimate,
 }
 
 /// Compares two evaluations of the same place.
 pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Comparison {
+    // Draws are functions of seed and number, so equal settings give equal trajectories one by one.
     let same = policy.seed == against.seed
         && policy.seconds == against.seconds
         && policy.drawn == against.drawn
@@ -59,6 +61,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let difference = |value: fn(&[f64; 3]) -> f64| {
         estimate(&both.iter().map(|(one, other)| value(one) - value(other)).collect::<Vec<_>>())
     };
+    // A trajectory that diverged has no errors, and is a fall.
     let fell = |errors: &TrajectoryErrors| errors.map_or(1.0, |[_, _, fell]| fell);
     let falls: Vec<f64> = pairs().map(|(one, other)| fell(one) - fell(other)).collect();
     let mut fall_rate = estimate(&falls);
@@ -85,6 +88,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
 fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let difference = |one: Estimate, other: Estimate| Estimate {
         mean: one.mean - other.mean,
+        // Variances of independent means add.
         ci95: one.ci95.hypot(other.ci95),
     };
     let linear = difference(policy.linear_velocity_error, against.linear_velocity_error);
@@ -128,7 +132,7 @@ fn estimate(values: &[f64]) -> Estimate {
         .map_or_else(Estimate::default, |one| Estimate { mean: one.mean, ci95: one.ci95.unwrap_or(f64::NAN) })
 }
 
-/// Which of two is better, as far as an interval tells.
+/// The better of two policies, as far as an interval shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Better {
     /// The policy.
@@ -140,8 +144,8 @@ pub enum Better {
 }
 
 impl Comparison {
-    /// Which of both tracks better: the sign of the difference of both errors added, or of the distances from a motion that both
-    /// follow, if its interval excludes zero.
+    /// Returns which of both tracks better: the sign of the difference of both errors added, or of the
+    /// distances from a motion that both follow, if its interval excludes zero.
     pub fn better(&self) -> Better {
         let Estimate { mean, ci95 } = self.motion_error.unwrap_or(self.tracking_error);
         // Without an interval nothing is known.

@@ -19,7 +19,7 @@ use std::path::Path;
 /// Uneven ground that a policy is measured on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum GroundChoice {
-    /// That of the task, if it has any.
+    /// The task's ground, if it has some.
     #[default]
     Own,
     /// None.
@@ -39,8 +39,8 @@ const COLUMNS: usize = 2;
 const MAX_BYTES: u64 = 1 << 20;
 
 impl GroundChoice {
-    /// What is said on the command line: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose `[terrain]` or
-    /// `[task.terrain]` counts, or else the whole of it.
+    /// Reads the command line's value: `own`, `none`, kinds such as `stairs,rough`, or a TOML file whose
+    /// `[terrain]` or `[task.terrain]` counts, or else the whole of it.
     ///
     /// # Errors
     /// An unknown kind, a file that cannot be read.
@@ -85,6 +85,7 @@ impl GroundChoice {
         };
         let text = read_text(path, MAX_BYTES).map_err(|error| wrong(&error))?;
         let mut table: toml::Table = toml::from_str(&text).map_err(|error| wrong(&error))?;
+        // The file may be a training's configuration or a task, which have the terrain in a table.
         if let Some(toml::Value::Table(task)) = table.remove("task") {
             table = task;
         }
@@ -142,7 +143,7 @@ impl GroundResult {
         }
     }
 
-    /// What makes it as hard as it is, in words.
+    /// Its difficulty, in words.
     pub fn difficulty_text(&self) -> String {
         let centimetres = 100.0 * self.difficulty;
         match self.ground.split(' ').next() {
@@ -228,6 +229,7 @@ impl OnGround {
         let Some(first) = self.results.first() else { return Cell::default() };
         let mut level = 0;
         for result in self.results.iter().take_while(|result| result.ground == first.ground) {
+            // Levels grow harder, so the first that fails ends the search.
             if result.crossed.mean < 0.5 {
                 break;
             }

@@ -1,4 +1,4 @@
-//! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
+//! Measures of how well a policy walks, as `gaitfit evaluate --json` prints them and other programs may.
 
 use super::{GroundResult, TrajectoryErrors, motion};
 use crate::Error;
@@ -14,7 +14,7 @@ use gaitfit_view::{Drift, Estimate};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
     /// Trajectories with random commands.
@@ -33,7 +33,8 @@ pub struct Plan {
     pub device: Device,
 }
 
-/// What was measured. Of a program's document only the errors and falls are needed; a number it lacks is NaN.
+/// Results of a measurement. Of a program's document only the errors and falls are needed; a number it lacks
+/// is NaN.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// The policy, by file or name.
@@ -60,7 +61,7 @@ pub struct Evaluation {
     /// Root-mean-square distance of the joints from the motion that the policy follows, rad.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error: Option<Estimate>,
-    /// The same of a robot that stays in the motion's first pose.
+    /// Distance of a robot that stays in the motion's first pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motion_error_at_rest: Option<f64>,
     /// Length of the motion, s.
@@ -96,7 +97,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// That robots diverged, in a sentence; `None` if none did.
+    /// States how many robots diverged, in a sentence; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         let drift: usize = self.drift.iter().map(|trial| trial.diverged).sum();
         if self.diverged + drift == 0 {
@@ -111,7 +112,7 @@ impl Evaluation {
         ))
     }
 
-    /// What cannot have been measured, in words. An interval may be missing.
+    /// Names a number that cannot have been measured, in words. An interval may be missing.
     pub fn wrong(&self) -> Option<String> {
         let errors = [
             ("linear_velocity_error", self.linear_velocity_error, f64::INFINITY),
@@ -141,7 +142,7 @@ impl Evaluation {
 /// The result of one constant command, over several robots; see [`gaitfit_learn::evaluate::DriftTrial`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriftResult {
-    /// What was commanded, for example `+x`.
+    /// Name of the command, for example `+x`.
     pub name: String,
     /// Command: forward, left (m/s), yaw rate (rad/s).
     pub command: [f64; 3],
@@ -161,7 +162,7 @@ pub struct DriftResult {
     pub path: Vec<[f64; 3]>,
 }
 
-/// What was measured, and the rows behind it.
+/// Results of a measurement, and the rows behind them.
 pub struct Measured {
     /// The means.
     pub evaluation: Evaluation,
@@ -213,6 +214,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let trials_of_drift = trials_of_drift?;
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
+    // The robot settles for a second, then walks ahead at half of its greatest command.
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
     let walked = limits.x[1] > 0.0 && !record.fell && !follows;
     let summary = summarise(&trials);
@@ -269,10 +271,11 @@ fn drawn(world: &World, trials: &[Trial]) -> String {
     // Settings are plain numbers and texts; what cannot be written is no setting.
     let settings = serde_json::to_string(&(start, noise, randomisation, push, terrain)).unwrap_or_default();
     sum.update(settings);
+    // 64 bits tell evaluations apart, and keep documents short.
     sum.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What of a trajectory is compared with others.
+/// Numbers of a trajectory that are compared with others.
 fn errors(trial: &Trial) -> TrajectoryErrors {
     let fell = f64::from(u8::from(trial.fell));
     (!trial.diverged).then_some([trial.linear_velocity_error, trial.angular_velocity_error, fell])
@@ -289,7 +292,7 @@ impl DriftResult {
         }
     }
 
-    /// How far from the wanted place the mean robot ends, m; NaN where all fell.
+    /// Distance from the wanted place at which the mean robot ends, m; NaN if all fell.
     pub fn distance(&self) -> f64 {
         self.x.mean.hypot(self.y.mean)
     }
@@ -308,6 +311,7 @@ impl DriftResult {
             error: [self.x.mean, self.y.mean, self.yaw.mean],
             ci95: [self.x, self.y, self.yaw].map(|estimate| estimate.ci95),
             path: self.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
+            // The command of a trial lasts 4 s.
             intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
         }
     }

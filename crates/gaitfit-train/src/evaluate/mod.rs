@@ -1,4 +1,4 @@
-//! How well a policy walks in a simulator.
+//! Measurement of how well a policy walks in a simulator.
 
 mod compare;
 mod ground;
@@ -25,10 +25,10 @@ const SECONDS: f64 = 4.0;
 /// Longest trajectory, s, and most control steps of one call.
 const LONGEST: f64 = 3600.0;
 const MAX_STEPS: f64 = 2e9;
-/// Most robots on a cell of uneven ground.
+/// Max number of robots on a cell of uneven ground.
 const MAX_GROUND_ROBOTS: usize = 1000;
 
-/// What is evaluated.
+/// Settings of an evaluation.
 #[derive(Clone, Debug)]
 pub struct EvaluateSettings {
     /// The policy and its simulator, with seed and threads.
@@ -51,9 +51,9 @@ pub struct EvaluateSettings {
     pub diagnose: bool,
 }
 
-/// What came out.
+/// Results of an evaluation.
 pub struct Evaluated {
-    /// What was measured.
+    /// Measurements.
     pub measured: Measured,
     /// Whether it walks, where that can be said.
     pub verdict: Option<Verdict>,
@@ -63,7 +63,7 @@ pub struct Evaluated {
     pub ground: Option<OnGround>,
     /// An arrangement of joints, signs and scales with which it walks, where most robots fall.
     pub diagnosis: Option<Diagnosis>,
-    /// How long it took, s.
+    /// Wall time, s.
     pub wall_seconds: f64,
 }
 

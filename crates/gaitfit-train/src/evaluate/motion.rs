@@ -1,4 +1,4 @@
-//! What a policy's motion asks for, without a simulation.
+//! Measures of a policy's motion itself, without a simulation.
 
 use gaitfit_policy::Interface;
 use gaitfit_policy::walker::Walker;

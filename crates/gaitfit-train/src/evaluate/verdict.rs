@@ -11,18 +11,18 @@ pub const MANY_FALLS: f64 = 0.5;
 const FEW_FALLS: f64 = 0.02;
 /// Largest share of the error of a robot that stands still that a policy which walks has.
 const FOLLOWS: f64 = 0.5;
-/// How far a robot that is told to stand may end from where it began, m, and turned, rad.
+/// Max distance (m) and turn (rad) from its start of a robot that is told to stand.
 const STANDS: [f64; 2] = [0.2, 0.2];
 /// Share of the error of a robot that stands still from which on it goes nowhere.
 const NOWHERE: f64 = 0.8;
 
-/// What a measurement says of a policy.
+/// Verdict on a policy, by a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Verdict {
     /// Whether it walks.
     pub walks: bool,
-    /// How far it is from walking: falls and velocity error are each divided by the limit for a policy that walks, and the
-    /// larger ratio counts.
+    /// Distance from a policy that walks: falls and velocity error are each divided by the limit for a policy
+    /// that walks, and the larger ratio counts.
     pub shortfall: f64,
     /// The evidence, in a sentence.
     pub text: String,
@@ -38,6 +38,7 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
     // Those that diverge count as falls.
     let or_not = if evaluation.diverged > 0 { " or diverge" } else { "" };
     let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
+    // Falls are judged first: a robot that falls has errors of a part of its walk only.
     if falls > FEW_FALLS {
         let does = if evaluation.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
@@ -94,7 +95,7 @@ fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
     Some(Verdict { walks, shortfall: off / (FOLLOWS * rest), text })
 }
 
-/// That a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
+/// States that a mean velocity error, m/s, is nearly that of a robot that stands still; `None` if it is not.
 pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
     let still = standing_error(command);
     (still > 0.0 && error >= NOWHERE * still).then(|| {
@@ -102,7 +103,8 @@ pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
     })
 }
 
-/// That a mean velocity error, m/s, is no small part of the error `still` of a robot that stands still.
+/// States that a mean velocity error, m/s, is a large part of `still`, the error of a robot that stands
+/// still; `None` if it is not.
 fn follows_badly(error: f64, still: f64) -> Option<String> {
     (error >= FOLLOWS * still).then(|| {
         format!(
@@ -114,7 +116,7 @@ fn follows_badly(error: f64, still: f64) -> Option<String> {
     })
 }
 
-/// That the robot moves when it is told to stand, where that was measured.
+/// States that the robot moves when it is told to stand; `None` if it stands, or this was not measured.
 fn drifts(trials: &[DriftResult]) -> Option<String> {
     let stand = trials.iter().find(|trial| trial.command == [0.0; 3])?;
     let (distance, turn) = (stand.distance(), stand.yaw.mean.abs());

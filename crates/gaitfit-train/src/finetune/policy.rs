@@ -7,7 +7,8 @@ use gaitfit_policy::Policy;
 use gaitfit_policy_files::weights;
 use std::path::Path;
 
-/// First updates that only the critic learns in: with the policy's critic, and with a new one.
+/// First updates that only the critic learns in, so that it knows the new simulator before the policy follows
+/// it: with the policy's critic, and with a new one, which knows nothing yet.
 const CRITIC_WARMUP: [u32; 2] = [5, 20];
 
 /// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two. Of a

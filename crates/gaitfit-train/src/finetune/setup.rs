@@ -20,10 +20,10 @@ use std::path::{Path, PathBuf};
 use toml::Table;
 
 const PRINTED_BY: &str = "gaitfit config finetune";
-/// Most characters of a file's reason that are shown.
+/// Max number of characters of a file's reason that are shown.
 const MAX_REASON: usize = 1000;
 
-/// What is asked of a fine-tuning.
+/// Request for a fine-tuning.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// All settings.
@@ -209,7 +209,7 @@ struct Found {
     policy: PathBuf,
     theta: Option<PathBuf>,
     robot: Option<PathBuf>,
-    /// What to know of the choice of the policy.
+    /// Notes on the choice of the policy.
     notes: Vec<String>,
 }
 
@@ -309,13 +309,14 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
             shown_number(asked)
         )));
     }
+    // The policy's own interface decides it; the configuration does not repeat it.
     whole.remove("policy");
     *changes = whole;
     Ok(settings)
 }
 
-/// What a run is bound to: its settings without those that do not change what an iteration does. Files count by their
-/// hashes, the robot as what it is.
+/// Returns the settings that a run is bound to: all without those that do not change what an iteration does.
+/// Files count by their hashes, the robot as what it is.
 fn bound(config: &FinetuneConfig) -> FinetuneConfig {
     let mut bound = config.clone();
     bound.name = None;

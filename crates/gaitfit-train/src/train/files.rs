@@ -19,7 +19,7 @@ use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-/// How much training is asked for.
+/// Amount of training that is asked for.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Asked {
     iterations: u32,
@@ -65,7 +65,7 @@ pub fn check_grown(protocol: &Protocol<'_, Asked>, plan: &Plan) -> Result<(), Er
     })
 }
 
-/// What the run has more of than is asked for now, and how to ask for it.
+/// Names iterations or seeds that the run has and the settings now lack, with a remedy.
 fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
     let iterations = saved.get("train")?.get("iterations")?.as_integer()?;
     if i64::from(plan.train.iterations) < iterations {
@@ -83,7 +83,7 @@ fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
     ))
 }
 
-/// What a trained seed leaves for the report.
+/// Data of a trained seed for the report.
 pub struct Trained {
     /// Its result.
     pub result: SeedResult,
@@ -91,7 +91,7 @@ pub struct Trained {
     pub metrics: Vec<Metric>,
     /// Its policy at work.
     pub shown: Shown,
-    /// What its page plays.
+    /// Replay on its page.
     #[cfg(feature = "report")]
     pub replay: gaitfit_view::Replay,
 }
@@ -99,7 +99,7 @@ pub struct Trained {
 /// Share of the way from the first commands to the final ones below which a warning says so.
 const NEARLY_ALL: f64 = 0.95;
 
-/// That a seed's commands did not grow to the end.
+/// Warns that a seed's commands did not grow to the final ranges.
 fn small_commands(seed: &Trained) -> Option<String> {
     let level = seed.metrics.last()?.command_level.filter(|level| *level < NEARLY_ALL)?;
     Some(format!(
@@ -110,7 +110,7 @@ fn small_commands(seed: &Trained) -> Option<String> {
     ))
 }
 
-/// That robots came apart.
+/// Warns that the simulation of robots diverged.
 fn diverged(setup: &Setup, seed: &Trained) -> Option<String> {
     let SeedResult { seed, diverged, iterations, .. } = seed.result;
     (diverged > 0).then(|| {
@@ -122,7 +122,7 @@ fn diverged(setup: &Setup, seed: &Trained) -> Option<String> {
     })
 }
 
-/// That seeds fall or stand where they are to walk.
+/// States that policies fall or stand where they should walk.
 fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
     let command = &setup.scene.settings.command;
     let why = |seed: &Trained| {

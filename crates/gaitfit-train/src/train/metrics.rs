@@ -1,4 +1,4 @@
-//! What is kept of every iteration: a line of `metrics.jsonl` and scalars for TensorBoard.
+//! Metrics of every iteration: a line of `metrics.jsonl` and scalars for TensorBoard.
 
 use crate::Error;
 use crate::run::RunFolder;
@@ -69,7 +69,7 @@ fn is_none_of_them(count: &u64) -> bool {
 }
 
 impl Metric {
-    /// Of an iteration on a scene; `steps`: control steps of a rollout, all robots.
+    /// The metrics of an iteration on a scene; `steps`: control steps of a rollout, all robots.
     pub fn new(iteration: &Iteration, scene: &Task, wall_seconds: f64) -> Self {
         let tally = &iteration.tally;
         let ended = |sum: f64| (tally.episodes > 0.0).then(|| sum / tally.episodes);
@@ -101,7 +101,7 @@ impl Metric {
         }
     }
 
-    /// Its line.
+    /// Returns its line of `metrics.jsonl`.
     pub fn line(&self) -> Result<String, Error> {
         let line = serde_json::to_string(self)
             .map_err(|error| Error::failed(format!("cannot write the metrics: {error}")))?;

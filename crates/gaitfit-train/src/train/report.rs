@@ -13,7 +13,7 @@ use gaitfit_policy::Policy;
 use gaitfit_view::training::{SeedCurve, SeedResult as Shown, Series};
 use gaitfit_view::{Link, Replay, Setting, TrainingReport, training_report};
 
-/// What the picture of the gait shows.
+/// Caption of the gait's picture.
 const GAIT_CAPTION: &str = "standing, ahead and to the left, at the largest commands of its training";
 
 /// The page of a finished run. `configuration`: the resolved one.
@@ -48,7 +48,7 @@ pub fn page(
     Ok(training_report(&report)?)
 }
 
-/// What the page of a seed's policy plays.
+/// Replay on the page of a seed's policy.
 pub fn replay(title: &str, model: &Model, policy: &Policy, shown: &AtWork) -> Replay {
     let ends = shown.fell().map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));
     Replay {

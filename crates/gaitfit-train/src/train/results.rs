@@ -1,4 +1,5 @@
-//! What a training came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
+//! Results of a training: the one document that `--json` prints, `result.json` keeps, and table and report
+//! show.
 
 use super::metrics::Metric;
 use super::seed::Files;
@@ -55,12 +56,12 @@ impl Results {
     }
 }
 
-/// What results of earlier versions do not say.
+/// Default of [`Results::trained`]: earlier versions did not write it.
 fn yes() -> bool {
     true
 }
 
-/// What a training went on from, and in which simulator.
+/// Policy and simulator that a training continued from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Parent {
     /// The policy's file.
@@ -79,7 +80,7 @@ pub struct Parent {
     pub new_critic: bool,
 }
 
-/// How one seed ended: means over its last iterations.
+/// Result of one seed: means over its last iterations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeedResult {
     /// The seed.
@@ -116,7 +117,7 @@ pub struct SeedResult {
 }
 
 impl SeedResult {
-    /// Of a seed's metrics; `folder`: where its files are.
+    /// The result of a seed's metrics; `folder`: where its files are.
     pub fn new(seed: u64, metrics: &[Metric], gait: GaitSummary, folder: &std::path::Path) -> Self {
         let last = &metrics[metrics.len().saturating_sub(LAST)..];
         let mean = |value: fn(&Metric) -> f64| last.iter().map(value).sum::<f64>() / last.len().max(1) as f64;
@@ -124,6 +125,7 @@ impl SeedResult {
         let of_episodes = |value: fn(&Metric) -> Option<f64>| {
             let sum =
                 last.iter().filter_map(|metric| Some(value(metric)? * metric.episodes as f64)).sum::<f64>();
+            // Iterations count by their episodes: in some of them few robots end one.
             (episodes > 0.0).then(|| sum / episodes)
         };
         let mut speeds: Vec<f64> = metrics.iter().map(|metric| metric.times.samples_per_second).collect();

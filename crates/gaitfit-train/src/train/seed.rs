@@ -28,7 +28,7 @@ pub struct Files {
 }
 
 impl Files {
-    /// Those of `seed`.
+    /// The files of `seed`.
     pub fn new(seed: u64) -> Self {
         let folder = format!("seed-{seed}");
         let file = |name: &str| format!("{folder}/{name}");
@@ -161,6 +161,7 @@ impl Session<'_> {
             Work { what: &what, total, first: first as usize, parts: "samples", seed: Some(self.seed) };
         let counting = self.watch.begin(work);
         let every = Duration::try_from_secs_f64(self.setup.plan.checkpoint_seconds).unwrap_or(Duration::MAX);
+        // When and at which iteration the last checkpoint was written.
         let mut saved = (Instant::now(), first);
         while !self.finished() {
             let iteration = match &mut self.trainer {
@@ -216,7 +217,7 @@ impl Session<'_> {
         self.trainer.as_ref().map_or_else(|| self.training.finished(), Trainer::finished)
     }
 
-    /// Why it stopped, and what is left.
+    /// Error that states why the training stopped and what was kept.
     fn stopped(&self, error: &dyn std::error::Error, kept: u32) -> Error {
         let path = self.folder.path();
         Error::failed(format!(
@@ -228,7 +229,7 @@ impl Session<'_> {
     }
 }
 
-/// How good it is, for the progress bar.
+/// Reward, errors and falls, for the progress bar.
 fn state(metric: &Metric) -> String {
     let shown = |value: Option<f64>, unit: &str| match value {
         Some(value) => format!("{value:.1} {unit}"),

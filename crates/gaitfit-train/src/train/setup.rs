@@ -19,7 +19,7 @@ use toml::Table;
 
 /// Everything a training needs, from nothing or from a policy.
 pub struct Setup {
-    /// What is done.
+    /// The plan of the training.
     pub plan: Plan,
     /// The robot.
     pub model: Model,
@@ -44,7 +44,7 @@ pub struct Setup {
     pub warnings: Vec<String>,
 }
 
-/// What is done, whichever command asks for it.
+/// Plan of a training, whichever command asks for it.
 pub struct Plan {
     /// Name of the run.
     pub name: String,
@@ -66,7 +66,7 @@ pub struct Plan {
     pub configuration: Table,
 }
 
-/// What a training continues from.
+/// Policy that a training continues from.
 pub struct Start {
     /// The policy.
     pub policy: Policy,
@@ -74,7 +74,7 @@ pub struct Start {
     pub parent: Parent,
 }
 
-/// Most seeds in one call.
+/// Max number of seeds in one call.
 const MAX_SEEDS: usize = 1000;
 
 /// Reads the robot and checks the settings of a training from nothing.
@@ -112,6 +112,7 @@ pub fn setup(
     if let Some(cone) = config.cone {
         model.options.cone = cone;
         if cone == Cone::Pyramidal {
+            // A file's large `impratio` is meant for its elliptic cones, and scales pyramidal edges too.
             model.options.impratio = 1.0;
         }
     }
@@ -168,7 +169,7 @@ pub fn table<C: Serialize>(config: &C) -> Result<Table, Error> {
 }
 
 impl Setup {
-    /// What a checkpoint of `seed` belongs to.
+    /// Origin of the checkpoints of `seed`.
     pub fn origin(&self, seed: u64) -> Origin {
         Origin {
             robot: self.model.name.clone(),
@@ -275,7 +276,8 @@ impl Plan {
     }
 }
 
-/// What is wrong with a configuration, where, and what prints one that is right.
+/// Message about a configuration that is wrong: the file, the fault, and the command that prints a correct
+/// one.
 pub fn advice(path: Option<&Path>, wrong: &str, printed_by: &str) -> String {
     let wrong = wrong.trim_end_matches('.');
     let place = path.map(|path| format!("{}: ", path.display())).unwrap_or_default();

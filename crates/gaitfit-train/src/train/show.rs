@@ -42,7 +42,7 @@ impl Shown {
         self.record.summary(&self.scene.gait_group)
     }
 
-    /// When it fell, s.
+    /// Time of its fall, s.
     pub fn fell(&self) -> Option<f64> {
         self.record.fell.then(|| self.record.steps() as f64 * self.record.dt)
     }

@@ -12,14 +12,14 @@ use crate::target::{PolicyFiles, Target};
 use gaitfit_view::Estimate;
 use std::path::PathBuf;
 
-/// Their names, and their folders.
+/// Names of the controls, and their folders.
 pub const PLACES: [(&str, &str); 4] =
     [(NOMINAL, "nominal"), (RANDOMISED, "randomised"), (DRAWN, "draws"), (KNOWN, "truth")];
 
 /// One of them: its name, its folder, and the simulator that it is trained in.
 pub type Control = (&'static str, &'static str, TrainingRobot);
 
-/// Which there are to be after a round with a fit, or without one.
+/// Returns the controls that are trained after a round with a fit, or without one.
 ///
 /// # Errors
 /// A file of numbers that cannot be read.
@@ -52,6 +52,7 @@ pub fn wanted(
 pub fn count(setup: &Setup, target: Option<&Target>) -> usize {
     let controls = &setup.config.controls;
     let asked = [controls.nominal, controls.randomised, controls.draws, controls.truth.is_some()];
+    // A training and a measurement each.
     if target.is_some_and(Target::measures) { 2 * asked.into_iter().filter(|&one| one).count() } else { 0 }
 }
 
@@ -69,6 +70,7 @@ pub fn run(
 ) -> Result<(), Error> {
     let Some(first) = policies.first() else { return Ok(()) };
     for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref(), round)? {
+        // As many iterations in all as the loop's policy had in its rounds.
         let robot = TrainingRobot { times: u32::try_from(trainings).unwrap_or(u32::MAX), ..robot };
         let (_, _, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
         let policy = stages.keep(name, folder, &bytes)?;
@@ -87,7 +89,8 @@ pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> 
     others.map(|other| compare(&reference.on, &reference.evaluation, &other.evaluation)).collect()
 }
 
-/// What the fit bought over the best that there is without logs: over randomisation, or else over the nominal simulator.
+/// States the gain of the fit over the best training without logs: over randomisation, or else over the
+/// nominal simulator.
 pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option<String> {
     let against = |name: &str| comparisons.iter().find(|one| one.against == name);
     let (comparison, than) = against(RANDOMISED)
@@ -124,7 +127,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     })
 }
 
-/// Of which error alone there is less beyond chance.
+/// Name of the error that is smaller beyond chance; `None` if neither is.
 fn less_of(comparison: &Comparison) -> Option<&'static str> {
     let less = |difference: Estimate| difference.mean + difference.ci95 < 0.0;
     match (less(comparison.linear_velocity_error), less(comparison.angular_velocity_error)) {
@@ -134,7 +137,7 @@ fn less_of(comparison: &Comparison) -> Option<&'static str> {
     }
 }
 
-/// That the policy is no better than one trained without logs.
+/// Warns that the policy is no better than one trained without logs.
 pub fn warning(comparison: &Comparison) -> Option<String> {
     let without_logs = [NOMINAL, RANDOMISED].contains(&comparison.against.as_str());
     (without_logs && comparison.better() != Better::Policy).then(|| {
@@ -165,7 +168,8 @@ mod tests {
         Measurement { on: on.to_owned(), evaluation }
     }
 
-    /// What is said of π₁ with this much more error than the randomised policy, and of the nominal one 0.2 worse.
+    /// Returns the text and warnings for π₁ with this much more error than the randomised policy, and of the
+    /// nominal one 0.2 worse.
     fn said(more: f64) -> (Option<String>, Vec<String>) {
         let hard = |k: u32| 0.2 + f64::from(k % 10) / 20.0;
         let noise = |k: u32| if k.is_multiple_of(2) { 0.004 } else { -0.004 };

@@ -14,7 +14,7 @@ const TIMES: &str = "times.json";
 /// The first policy's file.
 const FIRST_POLICY: &str = "policies/policy-0.safetensors";
 
-/// How many rounds are asked for.
+/// Number of rounds that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Asked {
     rounds_asked: u32,
@@ -82,7 +82,7 @@ pub struct Times<'a> {
 }
 
 impl<'a> Times<'a> {
-    /// Those of earlier sessions.
+    /// Reads the times of earlier sessions.
     pub fn read(folder: &'a RunFolder) -> Result<Self, Error> {
         let seconds = folder.read(TIMES)?.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self { folder, seconds: seconds.unwrap_or_default() })

@@ -68,7 +68,7 @@ pub fn target(
     Ok((None, Some(why)))
 }
 
-/// What tells whether the robot is there, and which Python runs it; empty if neither is asked for.
+/// Command that tells whether the robot is there, and which Python runs it; empty if neither is asked for.
 fn words(target: &TargetConfig) -> Vec<String> {
     let python = asks_for_python(&target.collect) || asks_for_python(&target.evaluate);
     match target.kind {

@@ -57,12 +57,12 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
     Ok(folder.write("report.html", page.as_bytes())?)
 }
 
-/// That robots diverged, which is to be said first.
+/// Doubt that robots diverged, which the page states first.
 fn divergence(results: &Results) -> Option<Doubt> {
     results.divergence().map(|divergence| Doubt::new(DoubtKind::Diverged, format!("{divergence}.")))
 }
 
-/// That the robot was not there, or that it is the program's own simulator.
+/// Doubts that the robot was absent, or that it is the program's own simulator.
 fn doubts(done: &Done) -> Vec<Doubt> {
     let simulated = matches!(done.target, Some(Target::Simulated(_))) && !done.results.evaluations.is_empty();
     let text = "The robot of this loop is the program's own simulator with other numbers. On another simulator or a robot \

@@ -1,4 +1,4 @@
-//! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
+//! Results of a loop: the one document that `--json` prints, `result.json` keeps, and table and report show.
 
 use super::walked::Walked;
 use crate::adapt::AdaptResults;
@@ -24,10 +24,10 @@ pub struct Results {
     /// The best policy beside the others, where all were measured: on the target, or else in the last adapted simulator.
     #[serde(default)]
     pub comparisons: Vec<Comparison>,
-    /// What the robot's own sensors say of the policies that walked on it.
+    /// Results of the robot's own sensors for the policies that walked on it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub walked: Vec<Walked>,
-    /// What the fit bought over training without logs, in a sentence; absent without such policies.
+    /// Gain of the fit over training without logs, in a sentence; absent without such policies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bought: Option<String>,
     /// Name of the policy it began with.
@@ -36,11 +36,11 @@ pub struct Results {
     pub after: String,
     /// That policy's file.
     pub policy: String,
-    /// The same as ONNX.
+    /// That policy's ONNX file.
     pub onnx: String,
     /// Why there was no further round.
     pub stopped_because: String,
-    /// What to do next, where the loop cannot.
+    /// Next step, if the user has to take it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next: Option<String>,
     /// Why the robot was not there, as the programs reported it that were to find it; absent if it was.
@@ -55,7 +55,7 @@ pub struct Results {
     pub run_folder: String,
     /// Wall time of all stages, over all sessions, s.
     pub wall_seconds: f64,
-    /// The same by stage.
+    /// Wall time by stage, s.
     pub stage_seconds: IndexMap<String, f64>,
 }
 
@@ -97,7 +97,7 @@ pub const TARGET: &str = "target";
 /// Name of a policy that was fine-tuned in the true simulator.
 pub const REFERENCE: &str = "fine-tuned on the target";
 
-/// What intervals of comparisons do not hold.
+/// Note on what intervals of comparisons do not cover.
 pub const ONE_TRAINING: &str = "Intervals cover the trajectories. Each policy was trained once; another training seed \
                                 would change the result too.";
 /// Name of the policy that was fine-tuned in the simulator of the robot's file.
@@ -117,6 +117,7 @@ pub fn adapted(round: u32, rounds: u32) -> String {
 /// Name of the policy after so many rounds.
 pub fn policy_name(round: u32) -> String {
     let digits = round.to_string();
+    // Subscripts: U+2080 is ₀.
     let below = digits.chars().filter_map(|digit| char::from_u32(0x2080 + digit.to_digit(10)?));
     format!("π{}", below.collect::<String>())
 }
@@ -130,18 +131,18 @@ impl Measurement {
 }
 
 impl Results {
-    /// That robots diverged while a policy was measured, in sentences; `None` if none did.
+    /// States that robots diverged while a policy was measured, in sentences; `None` if none did.
     pub fn divergence(&self) -> Option<String> {
         divergence(&self.evaluations)
     }
 
-    /// That the last policy was not trained in its round's fit, and why; absent if it was.
+    /// States that the last policy was not trained in its round's fit, and why; `None` if it was.
     pub fn fallback(&self) -> Option<String> {
         let round = self.rounds.last()?;
         round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
     }
 
-    /// That the policies were measured, but not on the robot; `None` if they were.
+    /// Doubt that the policies were measured, but not on the robot; `None` if they were.
     pub fn absence(&self) -> Option<Doubt> {
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
             return None;
@@ -155,7 +156,7 @@ impl Results {
         Some(Doubt::new(DoubtKind::RobotAbsent, text.trim_end()).with_details(details))
     }
 
-    /// What was measured of a policy in a simulator.
+    /// Evaluation of a policy in a simulator.
     pub fn measured(&self, policy: &str, on: &str) -> Option<&Evaluation> {
         let measurement = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
         measurement.map(|one| &one.evaluation)

@@ -26,7 +26,7 @@ use std::path::PathBuf;
 
 /// A finished loop, with what its report needs besides the results.
 pub struct Done {
-    /// What came out.
+    /// The results.
     pub results: Results,
     /// The fits' inputs, one a round.
     pub fits: Vec<adapt::Setup>,
@@ -112,6 +112,7 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
     let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
     let controls = controls::count(setup, target) + usize::from(walks_last(setup));
+    // Logs that are given need no stage in the first round.
     rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference + chosen + controls
 }
 
@@ -191,7 +192,7 @@ fn last_walk(stages: &mut Stages<'_>, policies: &[PolicyFiles]) -> Result<(), Er
     Ok(())
 }
 
-/// What a robot's sensors say of the policies that walked on it.
+/// Returns what a robot's sensors measured of the policies that walked on it.
 fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, Error> {
     let Some(target) = stages.setup.config.target.as_ref().filter(|target| target.kind.is_robot()) else {
         return Ok(Vec::new());
@@ -233,6 +234,7 @@ pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
         // Later numbers win, as in the file.
         let known = parameter.iter().rev().find(|one| one.kind == entry.kind && covers(&one.joints));
         if let Some(known) = known {
+            // Values that the configuration states win.
             config.truth.entry(entry.name.clone()).or_insert(known.value);
         }
     }
@@ -255,6 +257,7 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
     let fitted = |round: &RoundResult| round.adapt.fits.first().map(|fit| fit.cost);
     let nominal = last.adapt.fits.first().and_then(|fit| fit.nominal_cost);
     let earlier =
+        // The first round is compared with the robot before its fit.
         rounds.len().checked_sub(2).and_then(|index| rounds.get(index)).and_then(fitted).or(nominal);
     match (earlier, fitted(last)) {
         (Some(before), Some(after)) => {
@@ -303,10 +306,11 @@ fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
         measured(evaluations, &policies[*number].name).map_or(f64::INFINITY, results::tracking_error)
     };
     let trained = usize::from(policies.len() > 1)..policies.len();
+    // The first policy is no result of the loop. Backwards, because of equal errors the later policy counts.
     trained.rev().min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or_default()
 }
 
-/// What only the user can do.
+/// Next step, which only the user can do.
 fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<String> {
     match (target, absent) {
         (Some(Target::Robot(_)), _) => Some(NOT_MEASURED.to_owned()),
@@ -325,8 +329,8 @@ fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<St
     }
 }
 
-/// What to know before trusting the numbers: what policies do on the target, then their training, the fits, and the
-/// logs. The doubts about the last fit are said elsewhere.
+/// Warnings to read before trusting the numbers: what policies do on the target, then their training, the
+/// fits, and the logs. The doubts about the last fit are said elsewhere.
 fn warnings(
     rounds: &[RoundResult],
     fits: &[adapt::Setup],
@@ -366,6 +370,7 @@ fn warnings(
             doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
         warnings.extend(said);
     }
+    // First what is said of the fits; what their logs showed before any fit comes last.
     for of_logs in [false, true] {
         for (round, fit) in rounds.iter().zip(fits) {
             let about = round.adapt.warnings.iter().filter(|one| fit.warnings.contains(one) == of_logs);

@@ -19,7 +19,7 @@ pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error>
     Ok(parameters.into_iter().filter(|one| !unknown(&one.name)).map(|one| one.kind).collect())
 }
 
-/// The same of a round that is over.
+/// As [`of_fit`], for a round that is over.
 pub fn of_round(round: &RoundResult) -> Result<Vec<String>, Error> {
     if round.fallback.is_some() {
         return Ok(Vec::new());
@@ -37,6 +37,7 @@ pub fn of_file(file: &Path) -> Result<Vec<String>, Error> {
 pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
     let has = |kind: &str| kinds.iter().any(|one| one == kind);
     let (number, joint) = (RobotNumber::name, JointParameter::name);
+    // A scale of the torque multiplies what both gains give; a load moves both mass and centre of mass.
     let strength = has(joint(JointParameter::TorqueScale));
     let load = has(number(RobotNumber::PayloadMass));
     let pair = |value: f64| Value::Array(vec![Value::Float(value); 2]);

@@ -153,6 +153,7 @@ impl Setup {
         let Some(target) = &self.config.target else { return Ok(()) };
         match self.target(target, PathBuf::new(), None)? {
             Target::Simulated(mut target) => {
+                // The file of its numbers is written when the loop begins.
                 target.arguments.theta = None;
                 let policy = self.policy.clone();
                 let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
@@ -257,11 +258,12 @@ impl Setup {
     /// By what the best policy is chosen: as many other trajectories.
     pub fn choice(&self) -> Plan {
         let plan = self.plan();
+        // The largest seed that TOML can hold has no next one.
         let seed = if plan.seed == MAX_SEED { 0 } else { plan.seed + 1 };
         Plan { seed, drift: 0, ..plan }
     }
 
-    /// What is measured of every policy.
+    /// Plan of the measurement of every policy.
     pub fn plan(&self) -> Plan {
         let evaluate = &self.config.evaluate;
         Plan {

@@ -22,7 +22,7 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What stages share.
+/// Data that the stages share.
 pub struct Stages<'a> {
     /// The loop.
     pub setup: &'a Setup,
@@ -38,7 +38,7 @@ pub struct Stages<'a> {
 }
 
 impl<'a> Stages<'a> {
-    /// Those of a folder.
+    /// The stages of a loop in a folder.
     ///
     /// # Errors
     /// A folder that cannot be read.
@@ -106,6 +106,7 @@ impl<'a> Stages<'a> {
     pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<PathBuf, Error> {
         self.pause()?;
         let folder = self.path(name);
+        // A folder of logs has all of them or does not exist, so one that exists is not recorded again.
         if let (false, Some(target)) = (folder.is_dir(), &self.target) {
             self.announce(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
             let begun = Instant::now();
@@ -136,6 +137,7 @@ impl<'a> Stages<'a> {
         let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
         let path = self.path(&file);
         let opening = adapt::Opening::new(config, &path).threads(threads).devices(devices);
+        // An interruption comes before errors: reading that was stopped is no fault of the files.
         let setup = opening.watch(self.watch).open();
         self.stopped()?;
         let mut setup = setup.map_err(|error| {
@@ -181,6 +183,7 @@ impl<'a> Stages<'a> {
         let file = format!("{round}/finetune.toml");
         self.folder.make(round)?;
         let settings = &self.setup.config.finetune;
+        // What the settings of the training state wins over what the fit settles.
         let mut task = settled::without_draws(changed(settings.task.clone(), &robot.task), &robot.settled);
         // The policy is trained where the robot was fitted.
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
@@ -240,7 +243,8 @@ impl<'a> Stages<'a> {
         Ok((results, seed, bytes))
     }
 
-    /// Of several trainings of a stage the one whose policy follows commands best in the simulator that all were trained in.
+    /// Returns the training of a stage whose policy follows commands best in the simulator that all were
+    /// trained in.
     /// Chance decides much of a training, and where a policy gets stuck it does so there too.
     fn best_of(
         &self,
@@ -275,12 +279,13 @@ impl<'a> Stages<'a> {
         Ok(trained.swap_remove(best))
     }
 
-    /// What is measured of a policy on the target; none where that cannot be.
+    /// Measures a policy on the target; `None` if that is impossible.
     pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
         self.measured_on_target(&format!("{stem}-target"), policy, self.setup.plan())
     }
 
-    /// The same on other trajectories, by which a policy is chosen: those by which it is reported must not choose it.
+    /// As [`Self::on_target`], on other trajectories, by which a policy is chosen: those by which it is
+    /// reported must not choose it.
     pub fn for_choice(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
         self.measured_on_target(&format!("{stem}-choice"), policy, self.setup.choice())
     }
@@ -291,6 +296,7 @@ impl<'a> Stages<'a> {
         policy: &PolicyFiles,
         plan: Plan,
     ) -> Result<Option<Evaluation>, Error> {
+        // Taken out for the call, which borrows all of the stages.
         let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
         let watch = self.watch;
         let what = format!("{} on the target, {}", policy.name, target.description());
@@ -299,7 +305,7 @@ impl<'a> Stages<'a> {
         evaluation
     }
 
-    /// What is measured of a policy in the simulator of a fit.
+    /// Measures a policy in the simulator of a fit.
     pub fn on_adapted(
         &mut self,
         stem: &str,
@@ -352,7 +358,7 @@ impl<'a> Stages<'a> {
     }
 }
 
-/// With the name of where it was measured.
+/// Adds the name of the place where a policy was measured.
 pub fn measurement(on: &str, evaluation: Option<Evaluation>) -> Option<Measurement> {
     evaluation.map(|evaluation| Measurement { on: on.to_owned(), evaluation })
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub struct TrainingRobot {
     /// Its numbers; those of the robot's file without any.
     pub theta: Option<PathBuf>,
-    /// What differs from the settings of the task.
+    /// Settings that differ from the task's.
     pub task: toml::Table,
     /// Its springs.
     pub spring: Vec<Spring>,
@@ -22,7 +22,7 @@ pub struct TrainingRobot {
     pub settled: Vec<String>,
     /// Whether each robot takes other numbers of the fit's joint intervals.
     pub drawn: bool,
-    /// How many times as many iterations as the settings ask for.
+    /// Factor on the iterations that the settings ask for.
     pub times: u32,
 }
 

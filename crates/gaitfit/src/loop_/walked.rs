@@ -23,11 +23,11 @@ pub struct Walked {
     pub errors: Vec<f64>,
 }
 
-/// What is not known of these walks, in a sentence.
+/// Note on what was not measured of these walks.
 pub const NOT_MEASURED: &str = "How fast the robot walked and how far it drifted was not measured: that takes motion capture, a tape or `gaitfit drift`.";
 
 impl Walked {
-    /// Of the logs in a folder, walks of `seconds`.
+    /// Reads the logs in a folder, walks of `seconds`.
     ///
     /// # Errors
     /// A log that cannot be read, or has no gyroscope or commands.
@@ -67,7 +67,7 @@ impl Walked {
     }
 }
 
-/// What there is to say of all of them, a sentence each.
+/// Returns the results of all policies, a sentence each.
 pub fn sentences(walked: &[Walked]) -> Vec<String> {
     let mut said: Vec<String> = walked.iter().map(Walked::sentence).collect();
     if let [first, .., last] = walked {

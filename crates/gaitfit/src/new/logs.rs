@@ -6,7 +6,7 @@ use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 
-/// What the logs hold.
+/// Contents of the logs.
 #[derive(Debug)]
 pub struct Logs {
     /// The files, one a log.
@@ -141,7 +141,7 @@ impl Logs {
         format!("{} {many}, {:.1} s in all at {rate}, {imu}", self.files.len(), self.seconds)
     }
 
-    /// How the joints of the logs are those of the robot.
+    /// Describes how the joints of the logs match those of the robot.
     pub fn joints_text(&self, model: &Model) -> String {
         let order: Vec<Option<usize>> = self.joints.iter().map(|name| model.find_joint(name)).collect();
         let same = order.iter().enumerate().all(|(place, joint)| *joint == Some(place));

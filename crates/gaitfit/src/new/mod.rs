@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Period of the boards that control a robot's motors, s: 1 ms on most robots.
 const BOARD_SECONDS: f64 = 0.001;
 
-/// What is known at the start.
+/// Inputs of a first configuration.
 #[derive(Clone, Debug, Default)]
 pub struct NewSettings {
     /// Robot file (MJCF or URDF), or `unitree-go2`, the built-in Go2; without one that of the policy's training, or the built-in Go2 if the policy is of it.
@@ -40,7 +40,7 @@ pub struct NewSettings {
 /// Something that was assumed or measured.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Assumed {
-    /// What it is about.
+    /// Subject of the assumption.
     pub what: &'static str,
     /// The value, and where it comes from.
     pub value: String,
@@ -61,7 +61,7 @@ pub struct Written {
     pub next: String,
 }
 
-/// What the configuration is made from.
+/// Data that the configuration is made from.
 struct Inputs<'a> {
     settings: &'a NewSettings,
     out: &'a Path,
@@ -85,7 +85,7 @@ impl Gains {
         format!("kp {} N·m/rad, kd {} N·m·s/rad: {}", range(&self.kp), range(&self.kd), self.source)
     }
 
-    /// What a kd of 0 does to the fit.
+    /// Warns what a kd of 0 does to the fit.
     fn doubt(&self) -> Option<String> {
         let zero = self.kd.values().into_iter().filter(|kd| *kd == 0.0).count();
         (zero > 0).then(|| {
@@ -278,7 +278,7 @@ impl Inputs<'_> {
         Opening::new(&config, self.out).open()
     }
 
-    /// What was assumed, and what the opened fit shows.
+    /// Returns what was assumed and what the opened fit shows.
     fn assumed(&self, setup: Option<&Setup>) -> Vec<Assumed> {
         let mut lines = Vec::new();
         let mut add = |what, value: String| lines.push(Assumed { what, value });
@@ -328,7 +328,8 @@ impl Inputs<'_> {
     }
 }
 
-/// What the logs show of the delay without a fit: of swinging legs, and from rows to the stamps of their targets.
+/// Describes the delay that the logs show without a fit: of swinging legs, and from rows to the stamps of
+/// their targets.
 fn delay(setup: &Setup) -> Option<String> {
     let swings = setup.swings.as_ref().and(setup.config.prior.get("delay"));
     let swings = swings.map(|delay| {

@@ -8,7 +8,7 @@ use gaitfit_model::JointKind;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// What a fit of legs in the air looks for, with what it is. The delay is of all joints alike.
+/// Parameters that a fit of legs in the air finds, with their meaning. The delay is of all joints alike.
 const IN_THE_AIR: [Parameter; 4] = [
     ("frictionloss", "group", ("dry friction", Some("N·m"))),
     ("armature", "group", ("rotor inertia", Some("kg·m²"))),

@@ -46,7 +46,7 @@ pub struct Run<'a> {
     pub watch: &'a Watch<'a>,
 }
 
-/// What a table's cells came to, by cell or scenario and by seed.
+/// Results of a table's cells, by cell or scenario and by seed.
 #[derive(Default)]
 pub struct Outcome {
     /// By cell.
@@ -59,7 +59,7 @@ pub struct Outcome {
     pub controls: IndexMap<String, IndexMap<String, Vec<SeedResult>>>,
 }
 
-/// What the cells of a scenario share.
+/// Logs and references that the cells of a scenario share.
 struct Shared {
     logs: PathBuf,
     first: Option<SeedResult>,
@@ -249,6 +249,7 @@ impl Run<'_> {
                 folder.path().display()
             )));
         }
+        // A finished folder stays as it is.
         if folder.read(SEED)?.is_none() {
             protocol.begin()?;
             files::begin(&folder, setup)?;
@@ -265,6 +266,7 @@ impl Run<'_> {
                 format!("interrupted; {} has what is done, the same command continues", folder.display());
             return Error::interrupted(message, folder);
         }
+        // Errors of settings name their file already.
         if error.to_string().contains(&file) { error } else { error.within(format!("{file}:")) }
     }
 }

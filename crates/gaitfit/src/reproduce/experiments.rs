@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 pub struct Experiment {
     /// The cell in the paper.
     pub paper: PaperCell,
-    /// What is different on the target.
+    /// Name of the scenario: the difference on the target.
     pub scenario: String,
-    /// What is fitted, and the cost that is minimised.
+    /// Names of the modification that is fitted and of the cost that is minimised.
     pub parts: [String; 2],
     /// Its file.
     pub file: PathBuf,
@@ -78,6 +78,7 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
         )));
     }
     let mut config: LoopConfig = settings::load(Some(&file), sets)?;
+    // The table names the folders.
     config.name = None;
     // All logs count, as in the paper.
     config.held_out = 0;
@@ -137,6 +138,7 @@ impl Experiment {
             target.seed = target.seed.saturating_add(offset);
         }
         let optimizer = &mut config.adapt.optimizer;
+        // A fit takes consecutive seeds, at most this many: those of the next repetition begin behind them.
         optimizer.seed =
             optimizer.seed.saturating_add(offset.saturating_mul(optimizer.seed_count(true) as u64));
         for training in &mut config.finetune.seeds {
@@ -146,8 +148,8 @@ impl Experiment {
     }
 }
 
-/// What the cells of a scenario share, as one configuration: the target, whose logs have the base's state if any cell
-/// needs it, and the training of the reference.
+/// Returns one configuration for what the cells of a scenario share: the target, whose logs have the base's
+/// state if any cell needs it, and the training of the reference.
 pub fn shared(experiments: &[Experiment], scenario: &str, seed: u64) -> Option<LoopConfig> {
     let mut same_scenario = experiments.iter().filter(|one| one.scenario == scenario);
     let mut config = same_scenario.next()?.seeded(seed);
@@ -159,6 +161,8 @@ pub fn shared(experiments: &[Experiment], scenario: &str, seed: u64) -> Option<L
             }
         }
     }
+    // Nothing else of the fits: they differ from cell to cell, and the shared folder belongs to one set of
+    // settings.
     config.adapt = settings::AdaptConfig { costs, ..settings::AdaptConfig::default() };
     Some(config)
 }

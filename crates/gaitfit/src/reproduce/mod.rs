@@ -21,7 +21,7 @@ use experiments::Experiment;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-/// What is asked of a table.
+/// Request for a table.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// Which table; [`Paper::tables`] names them.

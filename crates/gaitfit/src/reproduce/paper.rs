@@ -40,7 +40,7 @@ pub struct Table {
     pub cells: Vec<PaperCell>,
 }
 
-/// What cells go through.
+/// Stages that cells go through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -99,6 +99,7 @@ impl Paper {
         let parts = cell.parts();
         let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
         let resid_act = parts.is_some_and(|[_, modification, _]| modification == "residact");
+        // The spring is on one joint, and its cells have the networks of this joint only.
         let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
         let chosen = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
         let more = chosen(networks, &self.full_networks)
@@ -119,7 +120,7 @@ impl Paper {
         errors
     }
 
-    /// Their mean, as printed or computed.
+    /// Mean of [`Self::errors`], as printed or computed.
     pub fn mean_error(&self, cell: &PaperCell) -> Option<f64> {
         let errors = self.errors(cell);
         let mean = (!errors.is_empty()).then(|| errors.values().sum::<f64>() / errors.len() as f64);
@@ -130,6 +131,7 @@ impl Paper {
 impl PaperCell {
     /// Scenario, modification and cost.
     pub fn parts(&self) -> Option<[&str; 3]> {
+        // From the end: names of scenarios have hyphens too.
         let mut parts = self.name.rsplitn(3, '-');
         let (cost, modification, scenario) = (parts.next()?, parts.next()?, parts.next()?);
         Some([scenario, modification, cost])

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 pub(super) const SHARED: &str = "shared";
 pub(super) const CELLS: &str = "cells";
 
-/// What a part is.
+/// Kind of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PartKind {

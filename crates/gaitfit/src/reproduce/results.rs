@@ -1,4 +1,4 @@
-//! What a table came to, as the one document that `--json` prints, `result.json` keeps, and table and plot show.
+//! Results of a table: the one document that `--json` prints, `result.json` keeps, and table and plot show.
 
 use super::paper::Kind;
 use crate::adapt::CostFit;
@@ -72,7 +72,7 @@ pub struct PaperRow {
     pub says: Option<String>,
 }
 
-/// What one seed of a cell came to; `seed.json`.
+/// Result of one seed of a cell; `seed.json`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SeedResult {
     /// Which, from 1.
@@ -111,7 +111,7 @@ pub struct SeedFit {
     pub seconds: f64,
 }
 
-/// How a policy walks under random commands.
+/// Measures of a policy's walk under random commands.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Walk {
     /// Summed reward.
@@ -131,7 +131,7 @@ pub struct Walk {
 const MAX_SHOWN: usize = 50;
 
 impl SeedFit {
-    /// What a fit of one cost found in so many seconds.
+    /// The result of a fit of one cost that took so many seconds.
     pub fn new(fit: &CostFit, seconds: f64) -> Self {
         let shown = if fit.parameters.len() <= MAX_SHOWN { fit.parameters.as_slice() } else { &[] };
         let error = |value: f64, truth: f64| 100.0 * (value / truth - 1.0).abs();
@@ -140,6 +140,7 @@ impl SeedFit {
             errors_percent: shown
                 .iter()
                 .filter_map(|one| {
+                    // A share of 0 means nothing.
                     let truth = one.truth.filter(|truth| *truth != 0.0)?;
                     Some((one.found.name.clone(), error(one.found.value, truth)))
                 })

@@ -1,4 +1,4 @@
-//! What was run: run folders with their results, to compare at a glance.
+//! Lists of run folders with their results, to compare at a glance.
 
 #[cfg(feature = "report")]
 mod page;
@@ -16,7 +16,7 @@ use std::path::Path;
 /// Max folders that are looked into.
 const MAX_FOLDERS: usize = 10_000;
 
-/// What a run computed.
+/// Kind of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -153,7 +153,7 @@ fn read(folder: &Path) -> Run {
     run
 }
 
-/// What a command line asks for.
+/// Kind of run that a command line asks for.
 fn asked(command: &Value) -> Kind {
     let words = command.as_array().into_iter().flatten().filter_map(Value::as_str);
     words

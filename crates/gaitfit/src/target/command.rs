@@ -21,7 +21,7 @@ pub struct Command {
     timeout_seconds: f64,
 }
 
-/// Most characters of a wrong document, and of a program's words, that are repeated.
+/// Max number of characters of a wrong document, and of a program's words, that a message repeats.
 const MAX_SHOWN: usize = 200;
 const MAX_WORDS: usize = 1000;
 
@@ -68,6 +68,7 @@ impl Command {
     /// As it says, by setting.
     pub fn check_programs(&self) -> Result<(), Error> {
         for (setting, words) in [("target.collect", &self.collect), ("target.evaluate", &self.evaluate)] {
+            // A place in braces, such as {python}, is filled later.
             let missing = words.first().is_some_and(|program| !program.contains('{') && !installed(program));
             if missing {
                 let problem = "cannot be started: there is no such program; is it installed and on the path?";
@@ -133,6 +134,7 @@ impl Command {
         );
         let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
         let mut evaluation: Evaluation = serde_json::from_slice(&out).map_err(|error| {
+            // A character has up to four bytes.
             let start = String::from_utf8_lossy(&out[..out.len().min(4 * MAX_SHOWN)]);
             let problem = format!(
                 "it printed no document such as `gaitfit evaluate --json` does: {error}. It begins: {}",

@@ -19,6 +19,7 @@ mod unix {
 
     /// Waits for the end of the process that holds the other side of its standard input, then ends the group or process
     /// that it was given, politely at first. A second line says that it has ended.
+    /// It waits five seconds before it kills, as long as this program does.
     const GUARD: &str = "trap '' HUP INT QUIT TERM
 read -r group || exit 0
 read -r ended && exit 0
@@ -29,7 +30,7 @@ for second in 1 2 3 4 5; do
 done
 kill -KILL $group 2>/dev/null";
 
-    /// How often it is looked whether a group has ended.
+    /// Interval between checks whether a group has ended.
     const LOOK: Duration = Duration::from_millis(20);
 
     /// A running program and what it started.
@@ -161,7 +162,7 @@ mod other {
             command.spawn().map(|child| Self { child })
         }
 
-        /// The same.
+        /// As [`Group::start`].
         ///
         /// # Errors
         /// A program that cannot be started.

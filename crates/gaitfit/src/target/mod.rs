@@ -22,11 +22,11 @@ use std::path::{Path, PathBuf};
 
 /// A policy as the stages of a loop take it.
 pub struct PolicyFiles {
-    /// What it is called, for example `π₁`.
+    /// Its name, for example `π₁`.
     pub name: String,
     /// Its file.
     pub safetensors: PathBuf,
-    /// The same as ONNX.
+    /// The policy as ONNX.
     pub onnx: PathBuf,
     /// As read.
     pub policy: Policy,

@@ -9,12 +9,12 @@ use std::path::Path;
 const VARIABLE: &str = "GAITFIT_PYTHON";
 /// Where a project keeps its own, seen from the current directory.
 const VENV_PYTHON: &str = ".venv/bin/python";
-/// What is tried after that.
+/// Programs that are tried after that.
 const COMMON: [&str; 2] = ["python3", "python"];
 /// The place to fill in.
 const PLACE: &str = "{python}";
 
-/// What a loop found when it began; it ends as it began.
+/// Whether a loop found its robot when it began. The loop ends as it began.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Presence {
     /// Whether the robot is there.

@@ -11,24 +11,24 @@ use std::time::{Duration, Instant};
 
 /// Lines of standard error that are kept for a message.
 const LAST_LINES: usize = 20;
-/// Most bytes that a program may print, and that a line of its standard error may have.
+/// Max number of bytes that a program may print, and of a line of its standard error.
 const MAX_BYTES: usize = 64 << 20;
 const MAX_LINE: u64 = 1 << 16;
 /// Bytes that are read at once.
 const CHUNK: usize = 1 << 16;
-/// How long a program may take to end once it is asked to: a robot may have to lie down.
+/// Time that a program has to end once it is asked to: a robot may have to lie down.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long what a program printed is waited for once it has ended: a process that it left may hold the pipe for ever.
+/// Time to wait for a program's output once it has ended: a process that it left may hold the pipe for ever.
 const GRACE: Duration = Duration::from_secs(1);
-/// How often it is looked whether to stop.
+/// Interval between checks whether to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// What a program left.
+/// Result of a program.
 #[derive(Debug)]
 pub struct Output {
-    /// How it ended.
+    /// Its exit status.
     pub status: ExitStatus,
-    /// What it printed.
+    /// Its standard output.
     pub out: Vec<u8>,
     /// The last lines of its standard error.
     pub last: String,
@@ -53,7 +53,7 @@ pub enum ProcessError {
     Timeout {
         /// How long it may take, s.
         seconds: f64,
-        /// What it said last.
+        /// Its last lines of standard error.
         said: String,
     },
     /// It printed too much.
@@ -97,6 +97,7 @@ impl Program<'_> {
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut group = Group::start(&mut command).map_err(ProcessError::Start)?;
+        // Bounded, so that a program that prints faster than this reads waits instead of filling the memory.
         let (sender, receiver) = sync_channel(64);
         // These threads end with their pipes. A process that outlives its group may hold one: it is not waited for.
         if let Some(out) = group.child.stdout.take() {
@@ -110,6 +111,7 @@ impl Program<'_> {
         let status = self.wait(&mut group, &mut said)?;
         let ended = Instant::now();
         while ended.elapsed() < GRACE && said.listen(LOOK) {}
+        // While it ends, its pipes are read: a program that cannot print does not end.
         group.end(PATIENCE, || said.take());
         while said.listen(Duration::ZERO) && ended.elapsed() < GRACE + PATIENCE {}
         if said.out.len() > MAX_BYTES {
@@ -169,7 +171,7 @@ impl Program<'_> {
     }
 }
 
-/// What a program has said so far.
+/// Output of a program so far.
 struct Said<'a> {
     receiver: Receiver<Piece>,
     out: Vec<u8>,

@@ -27,7 +27,7 @@ pub struct Robot {
 
 /// A shorter log shows nothing of a walk: its walk is made again, s.
 const SHORTEST: f64 = 1.0;
-/// How `gaitfit collect` ends where nobody typed the word, and where it was interrupted.
+/// Exit codes of `gaitfit collect`: nobody typed the word, and interrupted (128 + SIGINT, as shells have it).
 const NOT_ARMED: i32 = 3;
 const INTERRUPTED: i32 = 130;
 /// Folder of what was walked, a folder a session, beside the folder of the logs.
@@ -143,6 +143,7 @@ impl Robot {
         words.extend(named("--seconds", self.seconds.to_string()));
         words.extend(named("--seed", seed.wrapping_add(made as u64).to_string()));
         words.extend(named("--out", out.display().to_string()));
+        // A person may take any time to type the word.
         let program = Program { words: &words, timeout_seconds: f64::INFINITY, heard: true };
         let ended = match self.yes {
             true => program.run(watch).map(|output| (output.status, output.last)),
@@ -168,7 +169,7 @@ impl Robot {
         }
     }
 
-    /// Which robot it is.
+    /// The robot, in a few words.
     pub fn description(&self) -> String {
         self.description.clone()
     }

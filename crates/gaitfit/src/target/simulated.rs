@@ -71,6 +71,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
         let theta = theta.map_err(|error| wrong(&error))?;
         let named = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
         file.parameter.extend(named.parameter.into_iter().map(|mut parameter| {
+            // True values were not searched, so they have no bounds.
             (parameter.lower, parameter.upper, parameter.at_bound) = (None, None, None);
             parameter
         }));

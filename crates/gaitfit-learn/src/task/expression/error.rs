@@ -13,17 +13,17 @@ pub struct ExpressionError {
     pub column: usize,
     /// The expression.
     pub text: String,
-    /// What is wrong, and what there could be.
+    /// The fault, and what could stand there instead.
     pub problem: Problem,
 }
 
-/// What is wrong with an expression.
+/// Faults of an expression.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
     /// Too long, too deep, or too much of something.
     #[error("it has {what}; put parts into terms of their own")]
     Size {
-        /// Of what it has too much, and how much it may have.
+        /// Part that there is too much of, with its limit.
         what: String,
     },
     /// A character that means nothing.
@@ -35,9 +35,9 @@ pub enum Problem {
     /// Something else must be here.
     #[error("`{}` stands where {wanted} must be", shown(found))]
     Expected {
-        /// What is there.
+        /// Text that was found.
         found: String,
-        /// What must be.
+        /// Text that was expected.
         wanted: String,
     },
     /// A name that means nothing.
@@ -53,7 +53,7 @@ pub enum Problem {
     NoElement {
         /// The pattern.
         pattern: String,
-        /// Of which quantity.
+        /// Quantity whose element is unknown.
         quantity: &'static str,
         /// Its elements, or those that are most like it.
         names: Vec<String>,
@@ -83,9 +83,9 @@ pub enum Problem {
     Arguments {
         /// Which.
         function: String,
-        /// How many it takes.
+        /// Number of arguments that it takes.
         wanted: &'static str,
-        /// How many there are.
+        /// Number of arguments that were given.
         found: usize,
     },
 }
@@ -117,7 +117,7 @@ pub(super) fn nearest(name: &str) -> Option<String> {
     (score > 0.7).then(|| known.to_owned())
 }
 
-/// Most element names in a message.
+/// Max number of element names in a message.
 const MAX_NAMES: usize = 8;
 
 /// Names of elements for a message: all if they are few, else those that are most like `pattern`.

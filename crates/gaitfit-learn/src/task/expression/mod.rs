@@ -33,21 +33,21 @@ pub use quantity::{Elements, Names, Quantity};
 
 use program::Program;
 
-/// Most folds of an expression.
+/// Max number of folds of an expression.
 const MAX_FOLDS: usize = 32;
 
 /// A part of an expression: a number, or one for each element of a row.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Node {
-    /// The same number always.
+    /// A constant.
     Number(f32),
     /// Numbers of a quantity, by their places in it. One place is a number, several are a row.
     Quantity(Quantity, Vec<usize>),
-    /// What the fold of this number, in [`Expression::folds`], gives.
+    /// Result of the fold of this number, in [`Expression::folds`].
     Fold(usize),
-    /// Of one value.
+    /// A function of one value.
     One(One, Box<Node>),
-    /// Of two values.
+    /// A function of two values.
     Two(Two, Box<[Node; 2]>),
     /// The second where the first is not 0, else the third.
     Select(Box<[Node; 3]>),
@@ -114,7 +114,7 @@ impl fmt::Display for Expression {
 }
 
 impl Node {
-    /// Its value where it is the same always.
+    /// Its value, if it is the same at all moments.
     fn constant(&self) -> Option<f32> {
         Some(match self {
             Self::Number(number) => *number,

@@ -1,6 +1,7 @@
-//! What expressions do with numbers: with many at once, in loops that the compiler turns into vector instructions.
+//! Functions in expressions. They work on many numbers at once, in loops that the compiler turns into vector
+//! instructions.
 
-/// Of one number.
+/// Functions of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum One {
     /// −x.
@@ -28,7 +29,7 @@ pub enum One {
 }
 
 impl One {
-    /// Those that are written as functions, by name.
+    /// Operations that are written as functions, by name.
     pub const FUNCTIONS: &'static [(&'static str, Self)] = &[
         ("abs", Self::Abs),
         ("sqrt", Self::Sqrt),
@@ -66,7 +67,7 @@ impl One {
     }
 }
 
-/// Of two numbers. Comparisons and `and`, `or` give 1 or 0.
+/// Functions of two numbers. Comparisons and `and`, `or` give 1 or 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Two {
     /// a + b.
@@ -157,7 +158,7 @@ pub(super) fn select(condition: &[f32], yes: &[f32], no: &[f32], to: &mut [f32])
     to.iter_mut().zip(choices).for_each(|(to, ((&on, &yes), &no))| *to = if on != 0.0 { yes } else { no });
 }
 
-/// How a row becomes one number.
+/// Functions that make one number of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FoldKind {
     /// Σ x.
@@ -214,12 +215,12 @@ fn onto(to: &mut [f32], x: &[f32], value: impl Fn(f32, f32) -> f32) {
     to.iter_mut().zip(x).for_each(|(to, &x)| *to = value(*to, x));
 }
 
-/// What a name before brackets calls.
+/// Functions that a name before brackets calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Function {
     /// Of one value.
     One(One),
-    /// Of a row; `min` and `max` also of two values.
+    /// A function of a row; `min` and `max` also of two values.
     Fold(FoldKind),
     /// `clamp(x, low, high)`.
     Clamp,
@@ -253,7 +254,7 @@ impl Function {
         ones.chain(folds).chain([("clamp", Self::Clamp), ("select", Self::Select)]).chain(pairs)
     }
 
-    /// What it takes, in words.
+    /// Describes its arguments, in words.
     pub(super) fn takes(self) -> &'static str {
         match self {
             Self::One(_) => "one value",

@@ -8,11 +8,11 @@ use super::quantity::{Elements, Names, Quantity, covered};
 use super::token::{Token, tokens, wrong};
 use super::{Fold, MAX_FOLDS, Node};
 
-/// Deepest brackets and signs inside each other.
+/// Max brackets and signs inside each other: the parser calls itself for each, and its stack is limited.
 const MAX_DEPTH: usize = 32;
-/// Most operators, functions, numbers and quantities.
+/// Max number of operators, functions, numbers and quantities.
 const MAX_NODES: usize = 256;
-/// Most elements of a row whose pairs are taken: 496 pairs.
+/// Max number of elements of a row whose pairs are taken: 496 pairs.
 const MAX_PAIRED: usize = 32;
 
 /// A part, and how many numbers it has.
@@ -31,6 +31,7 @@ pub(super) fn parse(text: &str, names: &Names<'_>) -> Read<(Vec<Fold>, Node)> {
     if *parser.token() != Token::End {
         return parser.expected("an operator or the end");
     }
+    // A reward is one number. A row is left over where a sum or mean was forgotten.
     if whole.width != 1 {
         return wrong(text, 0, Problem::Row(whole.width));
     }
@@ -192,6 +193,7 @@ impl Parser<'_> {
         let Some(operator) = self.comparison() else { return Ok(left) };
         self.next += 1;
         let right = self.sum()?;
+        // `a < b < c` would compare c with 0 or 1, which nobody means.
         if self.comparison().is_some() {
             return self.wrong(self.at(), Problem::Chained);
         }
@@ -231,6 +233,7 @@ impl Parser<'_> {
     fn signed(&mut self) -> Read<Part> {
         let at = self.at();
         if self.take("-") {
+            // A sign is looser than `^`: −x^2 is −(x^2), as in mathematics.
             let operand = self.deeper(Self::signed)?;
             return self.one(at, One::Negate, operand);
         }

@@ -24,7 +24,7 @@ struct Row {
     width: usize,
 }
 
-/// What a step does. `R`: how it names rows, by the number of the step that makes them or by their place.
+/// The work of a step. `R` names rows, by the number of the step that makes them or by their place.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Work<R> {
     /// The number with these bits.
@@ -47,7 +47,7 @@ impl<R: Copy> Work<R> {
         }
     }
 
-    /// The same with its rows named another way.
+    /// The same work with its rows renamed by `name`.
     fn renamed<S>(&self, name: impl Fn(R) -> S) -> Work<S> {
         match self {
             Self::Number(bits) => Work::Number(*bits),
@@ -193,11 +193,14 @@ impl List {
         for (number, (work, _)) in self.steps.iter().enumerate() {
             work.sources().iter().for_each(|&row| last[row] = number);
         }
+        // Rows that are results are read after the last step, so their places are never free.
         values.iter().for_each(|&row| last[row] = usize::MAX);
         let mut rows: Vec<Row> = Vec::with_capacity(self.steps.len());
         let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
         let (mut sizes, mut steps) = (Vec::new(), Vec::with_capacity(self.steps.len()));
         for (number, (work, width)) in self.steps.iter().enumerate() {
+            // The place is taken before the places that this step reads are free: no step writes where it
+            // reads.
             let at = free.get_mut(width).and_then(Vec::pop).unwrap_or_else(|| {
                 sizes.push(width * LANES);
                 sizes.len() - 1
@@ -207,6 +210,8 @@ impl List {
             steps.push((work.renamed(|row| rows[row]), to));
             let mut done: Vec<usize> = work.sources().to_vec();
             done.sort_unstable();
+            // A step may read a row twice, as x · x does. Its place must be free only once, or two rows would
+            // get it.
             done.dedup();
             for row in done.into_iter().filter(|&row| last[row] == number) {
                 free.entry(rows[row].width).or_default().push(rows[row].at);

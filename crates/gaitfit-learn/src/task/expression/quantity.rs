@@ -20,7 +20,7 @@ pub struct Names<'a> {
 }
 
 impl<'a> Names<'a> {
-    /// Of a task's robot.
+    /// Names of a task's robot.
     pub fn new(settings: &'a TaskSettings, walker: &'a Walker) -> Self {
         Self {
             joints: walker.model().joints.iter().map(|joint| joint.name.as_str()).collect(),
@@ -31,7 +31,7 @@ impl<'a> Names<'a> {
     }
 }
 
-/// What the numbers of a quantity are of.
+/// Parts of the robot that the numbers of a quantity belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Elements {
     /// It is a single number.

@@ -8,12 +8,12 @@ use crate::task::error::refuse;
 use crate::task::expression::{Expression, Names};
 use crate::task::{Moment, TaskError, TaskSettings};
 
-/// Most terms of one's own.
+/// Max number of terms that the settings define.
 const MAX_EXPRESSIONS: usize = 64;
 /// Longest name of a term, bytes.
 const MAX_NAME: usize = 64;
 
-/// What gives a reward term its value.
+/// Source of a reward term's value.
 pub enum Value {
     /// An expression: of [`TERMS`], or of the settings.
     Expression(Expression),

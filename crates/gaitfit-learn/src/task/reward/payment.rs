@@ -1,4 +1,4 @@
-//! What a task's terms pay several robots.
+//! Payment of several robots by a task's reward terms.
 
 use super::{Value, WeightedTerm};
 use crate::task::Moment;
@@ -21,7 +21,7 @@ pub(in crate::task) struct Scratch {
 }
 
 impl Rewards {
-    /// Of terms of non-zero weight.
+    /// The rewards of these terms, all of non-zero weight.
     pub(in crate::task) fn new(terms: Vec<WeightedTerm>) -> Self {
         let expressions = terms.iter().enumerate().filter_map(|(number, term)| match &term.value {
             Value::Expression(expression) => Some((number, expression)),

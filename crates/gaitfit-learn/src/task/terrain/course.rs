@@ -28,7 +28,7 @@ pub struct Course {
 
 /// Width of the strip at the edge of the ground that ends an episode, m.
 const STRIP: f64 = 0.5;
-/// How far from the edge of the platform robots start, m: their feet stand on it.
+/// Min distance of a start from the edge of the platform, m: the robot's feet stand on it.
 const ROOM: f64 = 0.4;
 
 impl Course {
@@ -50,7 +50,7 @@ impl Course {
         Ok((course, ground))
     }
 
-    /// What the ground was made of.
+    /// Settings of the ground.
     pub fn settings(&self) -> &TerrainSettings {
         &self.settings
     }
@@ -60,7 +60,7 @@ impl Course {
         self.settings.across() as f64 * self.settings.cell
     }
 
-    /// What is on a cell.
+    /// Kind of ground on a cell.
     pub fn kind(&self, cell: Cell) -> TerrainKind {
         self.columns.get(cell.column).map_or(TerrainKind::Flat, |(kind, _)| *kind)
     }
@@ -71,12 +71,12 @@ impl Course {
         matches!(self.kind(cell), TerrainKind::Slopes | TerrainKind::Stairs) && number.is_multiple_of(2)
     }
 
-    /// How far along the levels a cell is, 0 to 1.
+    /// Share of the way from the first level to the last, 0 to 1.
     pub fn fraction(&self, cell: Cell) -> f64 {
         cell.level as f64 / (self.settings.levels - 1).max(1) as f64
     }
 
-    /// What makes a cell as hard as it is: height of its steps (m), slope, or roughness (m); 0 of level ground.
+    /// Difficulty of a cell: height of its steps (m), slope, or roughness (m); 0 on level ground.
     pub fn difficulty(&self, cell: Cell) -> f64 {
         let range = match self.kind(cell) {
             TerrainKind::Flat => return 0.0,
@@ -105,6 +105,7 @@ impl Course {
 
     /// Half the edge of the square about the middle of a cell in which episodes start, m.
     pub fn room(&self) -> f64 {
+        // On a platform smaller than the room for feet, all start in its middle.
         (0.5 * self.settings.platform - ROOM).max(0.0)
     }
 
@@ -153,8 +154,11 @@ impl Course {
         let cell = Cell { level: way.level, column: self.column(environment) };
         let [x, y] = self.middle(cell);
         let far = (f64::from(end[0]) - x).hypot(f64::from(end[1]) - y);
+        // Thresholds of legged_gym's `_update_terrain_curriculum`: half a cell up, half of the commanded way
+        // down.
         if far > 0.5 * self.size() {
             let next = way.level + 1;
+            // Passing the last level leads to any level, so that robots do not all gather on the hardest one.
             return if next < self.settings.levels {
                 next
             } else {
@@ -168,10 +172,11 @@ impl Course {
 /// A level of `levels`, all alike.
 fn any(levels: usize, seed: u64, environment: u32, step: u32) -> usize {
     let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
+    // A product that is rounded up may be `levels` itself.
     ((stream.uniform(0) * levels as f64) as usize).min(levels - 1)
 }
 
-/// How an episode of a robot goes on its cell.
+/// Progress of a robot's episode on its cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::task) struct Way {
     /// Level of its cell.
@@ -186,6 +191,7 @@ impl Way {
     /// Takes up `dt` seconds under `command` (forward, left, m/s) at `velocity`, heading frame.
     pub fn advance(&mut self, command: [f32; 3], velocity: [f32; 3], dt: f32) {
         let speed = (command[0] * command[0] + command[1] * command[1]).sqrt();
+        // Standing and turning on the spot cover no distance, and are not to count as lagging.
         if speed > 0.0 {
             self.walked += dt * (velocity[0] * command[0] + velocity[1] * command[1]) / speed;
             self.commanded += dt * speed;
@@ -199,6 +205,7 @@ impl Way {
 
     /// The way of these numbers on ground of `levels`; `None` if there is no such level.
     pub fn from_numbers(&[level, walked, commanded]: &[f32; 3], levels: usize) -> Option<Self> {
+        // The level was saved as a float among others: a damaged one need not be a whole number.
         let known = level >= 0.0 && level.fract() == 0.0 && (level as usize) < levels;
         (known && walked.is_finite() && commanded.is_finite()).then_some(Self {
             level: level as usize,

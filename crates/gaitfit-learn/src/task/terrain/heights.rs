@@ -35,13 +35,13 @@ pub(super) fn field(settings: &TerrainSettings, course: &Course) -> HeightField 
     HeightField { rows, columns, half_size: [half(columns), half(rows)], heights }
 }
 
-/// What is on one cell.
+/// Shape of the ground on one cell.
 struct Shape<'a> {
     settings: &'a TerrainSettings,
     kind: TerrainKind,
     /// −1 for a pit, 1 for a pyramid.
     sign: f64,
-    /// How far along the levels it is, 0 to 1.
+    /// Share of the way from the first level to the last, 0 to 1.
     fraction: f64,
     /// Draws of its noise.
     noise: Stream,
@@ -73,6 +73,8 @@ impl<'a> Shape<'a> {
                 self.sign * at_level(self.settings.slope, self.fraction) * (half - out.clamp(inner, half))
             }
             TerrainKind::Stairs => {
+                // Whole steps between platform and edge; a remainder that fits no step stays level at the
+                // edge. A vertex is as many steps from the edge as it has not taken yet from the platform.
                 let depth = at_level(self.settings.step_depth, self.fraction);
                 let steps = ((half - inner) / depth + ROUNDING).floor();
                 let taken = if out < inner - ROUNDING {
@@ -84,6 +86,8 @@ impl<'a> Shape<'a> {
             }
             TerrainKind::Rough => {
                 let amplitude = at_level(self.settings.roughness, self.fraction);
+                // Value noise: heights are drawn on a coarser grid and interpolated bilinearly between its
+                // corners.
                 let spacing = self.settings.rough_distance;
                 let (x, y) = (i as f64 * cell / spacing, j as f64 * cell / spacing);
                 let (a, b) = (x.floor(), y.floor());

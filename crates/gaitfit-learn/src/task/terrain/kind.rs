@@ -72,6 +72,7 @@ impl Kinds {
         let sum: f64 = shares.iter().map(|(_, share)| share).sum();
         let mut columns: Vec<(TerrainKind, usize)> = Vec::with_capacity(count);
         for column in 0..count {
+            // The middle of the column decides, so rounding does not favour the first kind.
             let place = (column as f64 + 0.5) / count as f64 * sum;
             let mut so_far = 0.0;
             let chosen = shares.iter().find(|(_, share)| {

@@ -70,11 +70,11 @@ impl Default for TerrainSettings {
     }
 }
 
-/// Least width of the border, m.
+/// Min width of the border, m.
 const MIN_BORDER: f64 = 1.0;
-/// Most vertices of the height field.
+/// Max number of vertices of the height field.
 const MAX_VERTICES: f64 = (1 << 22) as f64;
-/// Most levels and columns.
+/// Max number of levels and of columns.
 const MAX_CELLS: usize = 200;
 
 impl TerrainSettings {

@@ -104,6 +104,8 @@ fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result
             b"" | b"NOTSET" => (pads[axis], pads[many + axis]),
             b"VALID" => (0, 0),
             b"SAME_UPPER" | b"SAME_LOWER" => {
+                // As ONNX has it: as many outputs as inputs over the stride, rounded up; an odd zero goes to
+                // the named side.
                 let all = ((length.div_ceil(stride) - 1) * stride + reach).saturating_sub(length);
                 let less = all / 2;
                 if padded == b"SAME_UPPER" { (less, all - less) } else { (all - less, less) }
@@ -133,6 +135,7 @@ fn table(axes: &[Axis], channels: std::ops::Range<usize>) -> Vec<[u32; 2]> {
                 let number = spread(number, &kernels);
                 let mut at = Some(0);
                 for ((axis, &place), &number) in axes.iter().zip(&place).zip(&number) {
+                    // Places before the first number and behind the last are padding.
                     let along = (place * axis.stride + number * axis.dilation).checked_sub(axis.before);
                     let along = along.filter(|&along| along < axis.length);
                     at = at.zip(along).map(|(at, along)| at * axis.length + along);

@@ -154,6 +154,7 @@ impl Program {
             let inside = |why: NodeError| invalid(format!("its input {}: {why}", shown(&name)));
             let open = dimensions(input)?;
             let value = if let Some((_, output)) = pairs.iter().find(|(input, _)| *input == name) {
+                // A state's open axis is that of the rows: one robot.
                 let dims: Vec<usize> = open.iter().map(|length| length.unwrap_or(1)).collect();
                 let value = Value { operand: Operand::Value(self.room(&dims).map_err(inside)?), dims };
                 states.push((name.clone(), value.clone(), output.clone()));
@@ -173,7 +174,7 @@ impl Program {
         Ok((states, notes))
     }
 
-    /// What the remembered inputs become.
+    /// Connects the remembered inputs with the outputs that they become.
     pub(super) fn carry(&mut self, states: Vec<State>) -> Result<(), PolicyError> {
         for (name, value, output) in states {
             let from = self.values.get(&output);
@@ -199,6 +200,7 @@ fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, NodeError>
         return Ok(vec![1, count]);
     }
     let mut dims: Vec<Option<usize>> = open.to_vec();
+    // By custom the first axis is that of the rows.
     if dims.len() > 1 && dims[0].is_none() {
         dims[0] = Some(1);
     }

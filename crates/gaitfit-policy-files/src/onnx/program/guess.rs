@@ -1,9 +1,10 @@
-//! What the inputs of a graph take, by their widths.
+//! Choice of the numbers that a graph's inputs take, by their widths.
 
 use gaitfit_model::shown;
 use gaitfit_policy::{Frames, Inputs, Interface, PolicyError, Taken, invalid};
 
-/// What the inputs take that a description does not name, by their widths: `None` for a width that the file leaves open.
+/// Returns the numbers that inputs take which a description does not name, by their widths: `None` is a width
+/// that the file leaves open.
 ///
 /// # Errors
 /// Widths that are neither that of the row nor of the present frame.

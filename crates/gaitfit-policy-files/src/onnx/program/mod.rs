@@ -149,6 +149,8 @@ fn needed(model: &Decoded, action: &str) -> HashSet<String> {
     let mut needed = HashSet::from([action.to_owned()]);
     let states = ends::pairs(model);
     loop {
+        // A state that the action needs makes the output needed that it becomes, and with it further nodes:
+        // repeated until nothing is added.
         let before = needed.len();
         for node in model.nodes.iter().rev() {
             if node.output.iter().any(|name| needed.contains(name)) {
@@ -318,6 +320,7 @@ impl Program {
         let output = self.room(&dims)?;
         let inputs: Vec<Operand> = inputs.iter().map(|value| value.operand).collect();
         let step = Step { operator, inputs, output };
+        // Steps on constants alone are computed now, not at every control step.
         if step.inputs.iter().all(|input| matches!(input, Operand::Constant(_))) {
             let numbers = self.plan.constant_of(&step);
             return Ok(Value { operand: self.place(numbers)?, dims });

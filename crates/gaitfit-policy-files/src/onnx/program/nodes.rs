@@ -25,7 +25,7 @@ pub(super) fn bounded(node: &Node) -> Result<(), NodeError> {
     Ok(())
 }
 
-/// What is said of an operator that is not run.
+/// Error for an operator that is not run.
 fn unknown() -> NodeError {
     unread(
         "it is not run here (docs/policies-foreign.md lists the operators). Export the actor without it, or run the whole \
@@ -100,7 +100,7 @@ impl Program {
         self.give(node, 0, value)
     }
 
-    /// What becomes of two values.
+    /// A step on two values.
     pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, NodeError> {
         let dims = broadcast(&[&a.dims, &b.dims])?;
         let reaches = [a, b].map(|one| self.reach(one, &dims)).into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -108,7 +108,7 @@ impl Program {
         self.step(Operator::Binary(binary, [first, second]), &[a, b], dims)
     }
 
-    /// How the numbers of a value meet those of a result, whose size is checked first.
+    /// Returns how the numbers of a value meet those of a result, whose size is checked first.
     fn reach(&self, value: &Value, dims: &[usize]) -> Result<Reach, NodeError> {
         super::shapes::count(dims)
             .ok_or_else(|| misfit(format!("it gives numbers of shape {dims:?}, too many")))?;
@@ -176,6 +176,7 @@ impl Program {
     fn along(&mut self, node: &Node, attributes: &Attributes, what: Along) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let is_softmax = matches!(what, Along::Softmax | Along::LogSoftmax);
+        // The default axis changed with operator set 13.
         let default = if is_softmax && self.opset < 13 { 1 } else { -1 };
         let axis = axis(attributes.integer("axis", default), &input.dims)?;
         // Before operator set 13 a softmax went over all axes from this one on.
@@ -227,6 +228,7 @@ impl Program {
             );
         }
         let epsilon = f64::from(attributes.number("epsilon", 1e-5));
+        // In evaluation mode a batch norm is a fixed factor and offset a channel.
         let factor: Vec<f64> = parts[0]
             .iter()
             .zip(&parts[3])
@@ -235,6 +237,7 @@ impl Program {
         let offset =
             parts[1].iter().zip(&parts[2]).zip(&factor).map(|((bias, mean), factor)| bias - mean * factor);
         let offset: Vec<f32> = offset.map(|x| x as f32).collect();
+        // Channels are the second axis: ones behind them let broadcasting reach all places.
         let dims = [vec![channels], vec![1; value.dims.len() - 2]].concat();
         let factor = factor.into_iter().map(|x| x as f32).collect();
         for (binary, numbers) in [(Binary::Mul, factor), (Binary::Add, offset)] {

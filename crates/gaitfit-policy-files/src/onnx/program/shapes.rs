@@ -42,7 +42,7 @@ pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, NodeError> {
     Ok(dims)
 }
 
-/// Which number of `from` belongs to each place of `to`, whose shape [`broadcast`] gave.
+/// Returns the number of `from` for each place of `to`, whose shape [`broadcast`] gave.
 pub(super) fn reach(from: &[usize], to: &[usize]) -> Reach {
     let count: usize = from.iter().product();
     let total: usize = to.iter().product();

@@ -6,7 +6,7 @@ use crate::engine::Cancel;
 use crate::replay::{JointSignals, Replay};
 use crate::{SimError, pool};
 
-/// Samples between questions whether to give up.
+/// Samples between two checks for cancellation.
 const ASK: usize = 64;
 
 /// Simulates every candidate on every recording; see [`crate::engine::Engine::replay`].
@@ -72,7 +72,7 @@ pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
     jobs
 }
 
-/// What one lane simulates.
+/// Robot and recording that one lane simulates.
 pub(super) struct Lane {
     recording: usize,
     /// The robot, with the recording's gains.
@@ -114,7 +114,7 @@ pub(super) struct Block<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
-    /// What gears and the filter of velocities remember.
+    /// Memory of the gears and of the velocity filter.
     memory: Vec<T>,
 }
 
@@ -183,6 +183,8 @@ impl<T: Lanes> Block<T> {
             for j in 0..n {
                 self.history[j] = gather(&|lane| {
                     let target = &recordings[lane.recording].target;
+                    // A shorter recording of the block holds its last target until the longest one ends;
+                    // nothing of it is recorded then.
                     target[sample.min(target.len() / n - 1) * n + j]
                 });
             }

@@ -19,13 +19,13 @@ struct Block<T> {
     normal_force: Vec<T>,
     tracked: Vec<[T; 3]>,
     torque: Vec<T>,
-    /// What the modifications remember.
+    /// Memory of the modifications.
     memory: Vec<T>,
     /// Lanes whose target history and memory start with their next target.
     fresh: [bool; WIDEST],
 }
 
-/// What all robots of a tile share.
+/// Data that all robots of a tile share.
 pub(crate) struct Shared<'a> {
     pub tree: &'a Tree<f32>,
     /// Control periods of sent targets that are kept.
@@ -151,8 +151,8 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     }
 }
 
-/// What `seconds` of the last acceleration (angular and linear, world frame) change in the angular (body frame) and linear
-/// velocity of a base with orientation `quaternion`. `two`: 2.
+/// Returns the change of the angular (body frame) and linear velocity by `seconds` of the last acceleration
+/// (angular and linear, world frame), of a base with orientation `quaternion`. `two`: 2.
 fn velocity_change<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>>(
     [angular, linear]: [[T; 3]; 2],
     quaternion: [T; 4],
@@ -215,6 +215,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
 
     fn correct(&mut self, readings: &[(usize, Start)]) {
         let lead = self.shared.tree.settings().lead() as f32;
+        // Robots of one block are set together: each number of a block is stored and loaded once for all of
+        // them.
         for of_block in readings.chunk_by(|(one, _), (other, _)| one / T::LANES == other / T::LANES) {
             let state = &mut self.blocks[of_block[0].0 / T::LANES].state;
             let vectors = state.base_acceleration.map(|vector| vector.map(lanes));
@@ -269,6 +271,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         for index in 0..self.blocks.len() {
             let first = index * T::LANES;
             let kept = self.blocks[index].history.len() - joints;
+            // The history is newest first, so older targets move back by one row.
             self.blocks[index].history.copy_within(..kept, joints);
             for j in 0..joints {
                 let target = self.gather(targets, first, joints, j);
@@ -282,6 +285,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 }
             }
             let block = &mut self.blocks[index];
+            // Memory settles with the first target, because only now the target is known that the robot is
+            // taken to have held.
             if !block.memory.is_empty() && block.fresh.contains(&true) {
                 settle(&self.shared.modifications, &block.params, &block.state, &mut self.settled);
             }
