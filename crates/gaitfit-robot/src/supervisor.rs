@@ -67,7 +67,7 @@ pub struct Postures {
 /// How long each state lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
-    /// To the lying posture, wherever the legs are.
+    /// To the lying posture, wherever the legs are: only from there is the way up known.
     pub fold: Duration,
     /// From lying to standing.
     pub rise: Duration,
@@ -95,7 +95,8 @@ impl Default for Times {
     }
 }
 
-/// Share of the largest torque that damping may use.
+/// Share of the largest torque that damping may use. The rest is for a joint that turns faster by now than in the
+/// last state.
 const DAMPING_ROOM: f32 = 0.9;
 
 /// The states of a run and the guard before every command.
@@ -205,6 +206,7 @@ impl Supervisor {
         match self.phase {
             Phase::Damping => {}
             Phase::Idle => {
+                // Unlike the reason in a bad message, this one stays when good messages follow.
                 self.reason.get_or_insert(reason);
             }
             _ => {
@@ -277,6 +279,7 @@ impl Supervisor {
             return None;
         }
         let before = self.ticked.replace(now);
+        // In such a gap the motors kept to the last command, and nothing watched the robot.
         if let Some(gap) = before.map(|before| now.saturating_sub(before))
             && gap > self.watch.settings().late
         {
@@ -320,12 +323,14 @@ impl Supervisor {
                 (self.phase, self.since) = (Phase::Stand, now);
             }
             Phase::Stand if elapsed >= self.times.settle => {
+                // Old targets were made for a state that the robot has left.
                 let fresh = |(came, _)| now.saturating_sub(came) <= self.watch.settings().late_policy;
                 if self.targets.is_some_and(fresh) {
                     (self.phase, self.since) = (Phase::Walk, now);
                 }
             }
             Phase::Walk | Phase::Stop => {
+                // A policy that stopped acting would leave the robot with one target while it falls.
                 let age = self.targets.map_or(elapsed, |(came, _)| now.saturating_sub(came));
                 if age > self.watch.settings().late_policy {
                     self.stop(now, Reason::LatePolicy(1e3 * age.as_secs_f64()));
@@ -343,6 +348,7 @@ impl Supervisor {
         let Postures { lying, standing, stand_kp, stand_kd, .. } = &self.postures;
         let elapsed = now.saturating_sub(self.since);
         let part =
+            // A phase of length 0 is at its end at once.
             |length: Duration| (elapsed.as_secs_f32() / length.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f32| {
             PerMotor::from_fn(from.len(), |motor| MotorCommand {
@@ -365,6 +371,7 @@ impl Supervisor {
             }
             Phase::LieDown if elapsed < self.gather => between(&self.from, standing, part(self.gather)),
             Phase::LieDown => {
+                // The posture in which the phase before ended, so that targets do not jump.
                 let from = if self.gather.is_zero() { &self.from } else { standing };
                 let folded =
                     (elapsed - self.gather).as_secs_f32() / self.times.lie_down.as_secs_f32().max(1e-6);
@@ -378,6 +385,7 @@ impl Supervisor {
     fn policy(&self, targets: &PerMotor<f32>, part: f32) -> Command {
         let Postures { stand_kp, stand_kd, kp, kd, rolls, .. } = &self.postures;
         PerMotor::from_fn(targets.len(), |motor| {
+            // A wheel's kp is 0, so its angle target has no effect.
             let (q, dq) = if rolls[motor] { (0.0, targets[motor]) } else { (targets[motor], 0.0) };
             MotorCommand {
                 q,

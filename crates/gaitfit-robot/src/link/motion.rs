@@ -14,11 +14,13 @@ use crate::unitree::rpc::{Identity, Request, RequestHeader, Response};
 
 const REQUEST: (&str, &str) = ("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_");
 const RESPONSE: (&str, &str) = ("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_");
-/// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is released.
+/// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is
+/// released. Both numbers are those of the vendor's SDK.
 const CHECK_MODE: i64 = 1001;
 const RELEASE_MODE: i64 = 1003;
 /// A request is sent again so often: a service that is discovered later hears the next one.
 const AGAIN: Duration = Duration::from_millis(250);
+/// Time between two looks for an answer.
 const LOOK: Duration = Duration::from_millis(5);
 
 /// What the motion service says of itself.

@@ -57,6 +57,7 @@ pub fn hanging_go2() -> Result<Model, RobotError> {
     let options = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
     let mut model =
         read_mjcf_str(GO2, &options).map_err(|error| RobotError::Simulation(error.to_string()))?;
+    // In the air there is no ground to touch.
     model.pairs.clear();
     for joint in &mut model.joints {
         for (kind, [friction, damping, armature]) in JOINTS {

@@ -11,9 +11,10 @@ use crate::per_motor::PerMotor;
 use crate::robot::Robot;
 use crate::state::Reading;
 
-/// How far a joint may be from its target, rad: while the gains grow, and afterwards.
+/// How far a joint may be from its target, rad: while the gains grow, and afterwards. While they grow, targets are
+/// where the joints are: a joint that moves has another order, sign or zero in commands than in states.
 const ASTRAY: [f32; 2] = [0.12, 0.3];
-/// Damping before the last command.
+/// Damping before the last command, as long as that of a run.
 const DAMPING: Duration = Duration::from_secs(2);
 /// Share of the largest torque that damping may use, because the state may be old.
 const DAMPING_ROOM: f32 = 0.9;

@@ -150,6 +150,7 @@ impl Smooth {
         (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
         let alone = Tried { age, delay, left: (yy - slope * xy).max(0.0), gain: slope };
+        // Total least squares (Pearson 1901):
         // Errors in both: the slope is that of the longest axis, and the squares across it are left.
         let long = 0.5 * (xx + yy + ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
         let axis = xy / (long - yy).max(1e-12 * long + f64::MIN_POSITIVE);

@@ -5,7 +5,7 @@ use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, Vec3, dot, inverse, product, rotate};
 
 const GRAVITY: f64 = 9.81;
-/// Step of the derivative, rad.
+/// Step of the central difference, rad.
 const STEP: f64 = 1e-4;
 
 /// What a joint carries at one pose.
@@ -46,6 +46,7 @@ fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
         sums[0] += part.mass * GRAVITY * dot(up, lever);
         let principal = rotate(inverse(product(frames[index].quaternion, part.iquat)), axis.turn());
         let inertia: f64 = principal.iter().zip(&part.inertia).map(|(a, i)| a * a * i).sum();
+        // The parallel-axis theorem.
         sums[1] += part.mass * dot(lever, lever) + inertia;
     }
     sums

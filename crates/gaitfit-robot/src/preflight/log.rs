@@ -67,7 +67,7 @@ pub fn sampled(flown: &Flown) -> SampledStates {
             state: between(&before.state, &after.state, part),
         });
     }
-    // The mean, as messages may arrive in bursts.
+    // The mean, not the median, as messages may arrive in bursts.
     let apart: Vec<f64> = finite
         .windows(2)
         .map(|pair| pair[1].came.saturating_sub(pair[0].came).as_secs_f64())

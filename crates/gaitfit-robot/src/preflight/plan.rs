@@ -83,6 +83,7 @@ impl Plan {
             .fold(0.0, f64::max);
         let amplitude = PerMotor::from_fn(from.len(), |motor| {
             let [low, high] = robot.motors[motor].range.unwrap_or([f32::NEG_INFINITY, f32::INFINITY]);
+            // The motion is the same to both sides, so the nearer end of the range bounds it.
             let room = (high - hanging[motor]).min(hanging[motor] - low) - ROOM as f32;
             room.clamp(0.0, AMPLITUDE as f32)
         });
@@ -149,6 +150,7 @@ impl Plan {
 
     /// Targets of a stage, `time` s after it began; those of damping are where the joints were at first.
     pub fn command(&self, stage: Stage, time: f64) -> Command {
+        // Half a cosine begins and ends at rest; in the middle it is π/2 times as fast as on average.
         let smooth = |part: f64| 0.5 - 0.5 * (PI * part.clamp(0.0, 1.0)).cos();
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f64, motor: usize| {
             from[motor] + smooth(part) as f32 * (to[motor] - from[motor])
@@ -176,6 +178,7 @@ impl Plan {
 
 /// A joint's own motion, −1 to 1.
 fn alone(time: f64) -> f64 {
+    // Each part is 0 at both ends, and so is its velocity: targets never jump.
     let bump = |time: f64| (PI * time / SLOW).sin().powi(2);
     if time < SLOW {
         bump(time)
@@ -190,6 +193,7 @@ fn alone(time: f64) -> f64 {
 /// A joint's part of the motion of all, −1 to 1: a sweep with a phase of its own.
 fn together(time: f64, motor: usize) -> f64 {
     let fade = (time.min(EXCITE - time) / FADE).clamp(0.0, 1.0);
+    // The frequency grows linearly; its integral is the phase.
     let turns = SWEEP[0] * time + 0.5 * (SWEEP[1] - SWEEP[0]) * time * time / EXCITE;
     // The golden ratio spreads the phases of any number of joints.
     let phase = TAU * (motor as f64 * 0.618_033_988_75).fract();

@@ -13,7 +13,7 @@ use super::gain::{Reported, reported};
 use super::log::{DT, Row, SampledStates};
 use super::statistics::{Measured, least_squares, mean, slope, span};
 
-/// Samples of a bump, and between two bumps.
+/// Samples of a bump, 30 ms, and between two bumps.
 pub(super) const LENGTH: usize = 15;
 pub(super) const STRIDE: usize = 3;
 /// Min number of bumps.
@@ -84,6 +84,8 @@ pub(super) fn response(
 /// The delay with the least squares near `best`, in steps, and its error: by the noise of one of the squares, and how much they
 /// overlap.
 pub(super) fn least(squares: &[f64], best: usize, count: usize, overlap: f64) -> Measured {
+    // The vertex of the parabola through the squares at the best delay and its two neighbours. Six degrees of
+    // freedom go to the five coefficients and the delay.
     let noise = squares[best] / count.saturating_sub(6).max(1) as f64;
     let around = best.checked_sub(1).map(|at| squares[at]).zip(squares.get(best + 1).copied());
     let (fraction, error) = match around {
@@ -119,7 +121,8 @@ fn equation(
     }
     let squares: Vec<f64> =
         all.iter().map(|rows| least_squares(rows).map_or(f64::INFINITY, |(_, _, left)| left)).collect();
-    // Neighbouring bumps overlap.
+    // Neighbouring bumps overlap, so there are fewer independent rows: a bump is effectively about LENGTH / 1.5
+    // samples wide.
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
     let best = (0..squares.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
     if !squares[best].is_finite() {
@@ -134,6 +137,7 @@ fn equation(
             error: overlap * (noise * covariance[k][k].max(0.0)).sqrt(),
         }))
     };
+    // At an end of the tried delays the least squares may lie outside, so they show no delay.
     let seen = |inertia: &Measured| inertia.value > SEEN * inertia.error && best > 0 && best < DELAYS;
     let [inertia, damping, friction, weight] = solved(best)?;
     if seen(&inertia) {
@@ -179,6 +183,8 @@ fn equations(
         for k in 0..LENGTH {
             let at = begin + k;
             let x = (k as f64 + 0.5) * DT / half - 1.0;
+            // 0 at both ends, so that integration by parts leaves no boundary terms; `bent` is its derivative by
+            // time.
             let bump = (1.0 - x * x).powi(3);
             let bent = -6.0 * x * (1.0 - x * x).powi(2) / half;
             let state = &rows[at].state;

@@ -120,6 +120,7 @@ fn report(tilted: &Tilted) -> Option<TiltReport> {
     let mut q = from;
     for pair in heard.windows(2) {
         let seconds = pair[1].came.saturating_sub(pair[0].came).as_secs_f64();
+        // The mean of both ends (trapezoidal rule).
         let rate: Vec3 =
             std::array::from_fn(|k| 0.5 * f64::from(pair[0].state.gyroscope[k] + pair[1].state.gyroscope[k]));
         q = advanced(q, rate, seconds);
@@ -147,6 +148,7 @@ fn judge_gyro(one: &TiltReport, findings: &mut Vec<Finding>) {
             "the gyro reads the opposite sign of the orientation's turn".to_owned(),
             "In logs state imu.negated = true",
         )
+    // 180/π = 57 if the unit is a degree; half of it leaves room for a turn that was not pure.
     } else if along && ratio > 30.0 {
         ("the gyro's unit is °/s".to_owned(), "In logs state imu.unit = \"deg\"")
     } else {

@@ -8,7 +8,7 @@ use super::Heard;
 use super::tilt::{Motion, Tilted};
 use super::turned::{orientation, turn_between};
 
-/// A turn counts if it is at least this large and is held still, rad.
+/// A turn counts if it is at least this large and is held still, rad: the 20° that the person is asked for.
 const ENOUGH: f64 = 0.35;
 /// Still means slower than this, rad/s, for this long.
 const STILL: f64 = 0.25;

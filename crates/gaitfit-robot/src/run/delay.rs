@@ -51,6 +51,7 @@ impl Trace {
     /// command of so long ago makes at the reported angles and velocities, within `limits`. `None` after a short walk, and
     /// where no torques are reported.
     pub fn delay(&self, limits: &Limits) -> Option<Delay> {
+        // For earlier states the command of the longest delay is not kept.
         let first = self.commands.front()?.0 + Duration::from_millis(DELAYS);
         let states: Vec<&(Duration, RobotState)> =
             self.states.iter().filter(|(came, _)| *came >= first).collect();
@@ -69,6 +70,7 @@ impl Trace {
                 let (_, command) = &self.commands[next];
                 for motor in 0..state.q.len() {
                     let max = limits.torque[motor];
+                    // The motor cuts what it cannot give, and reports the rest.
                     let made = command[motor].torque(state.q[motor], state.dq[motor]).clamp(-max, max);
                     sum += f64::from(made - state.torque[motor]).powi(2);
                 }

@@ -16,7 +16,7 @@ use crate::guard::{Limits, Reason};
 use crate::state::RobotState;
 use crate::supervisor::Phase;
 
-/// Time between two commands.
+/// Time between two commands: a Go2 sends its states as often.
 const TICK: Duration = Duration::from_millis(2);
 /// How long to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
@@ -49,6 +49,7 @@ pub fn real_time() -> bool {
             set_thread_priority_and_policy, thread_native_id,
         };
         let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+        // The middle of Linux's range, 1 to 99.
         let Ok(value) = ThreadPriorityValue::try_from(50u8) else { return false };
         set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
             .is_ok()
@@ -164,6 +165,7 @@ impl Beat {
         sleep(self.due.saturating_sub(now));
         let now = self.begin.elapsed();
         let due = self.due;
+        // Turns in a row to catch up would send several commands at once.
         if now > self.due + self.period {
             self.due = now;
         }
@@ -256,6 +258,7 @@ fn control(
         // On a copy: a disk that lets the logs wait must not hold up the loop that sends.
         let mut seen = lock(board).clone();
         turns += 1;
+        // The loop that sends arms or refuses within one of its turns; after so long it is gone.
         if seen.refused.is_some() || seen.phase == Phase::Idle && turns > 50 {
             controller.remove_logs();
             return refused(seen.refused.unwrap_or(Reason::NoState));
@@ -263,6 +266,7 @@ fn control(
         let done = controller.cycle(now, &mut seen);
         let mut board = lock(board);
         board.targets = seen.targets;
+        // The loop that sends clears these flags; one that it has not seen yet must stay.
         board.slow_down |= seen.slow_down;
         board.lie_down |= seen.lie_down;
         if let Err(error) = done {

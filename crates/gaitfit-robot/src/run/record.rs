@@ -243,6 +243,7 @@ impl Recorder {
 
     fn row(&mut self, time: f64, state: &RobotState) {
         self.line.clear();
+        // `{:?}` of a number is the shortest text that reads back as the same number.
         let _ = write!(self.line, "{time:?}");
         let motors = std::mem::take(&mut self.motors);
         self.numbers(motors.iter().map(|&motor| &state.q[motor]));
@@ -251,6 +252,7 @@ impl Recorder {
     }
 
     fn rest(&mut self, state: &RobotState, age: f64) {
+        // Taken out, because `numbers` borrows all of `self`, and put back below.
         let motors = std::mem::take(&mut self.motors);
         self.numbers(state.quaternion.iter().chain(&state.gyroscope).chain(&state.accelerometer));
         self.numbers(motors.iter().map(|&motor| &state.torque[motor]));

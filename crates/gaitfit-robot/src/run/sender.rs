@@ -60,6 +60,8 @@ impl<'a> Sender<'a> {
         let Self {
             link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, ..
         } = self;
+        // The order matters: first what speaks against moving (states, other controllers, reasons to stop), then
+        // what is asked for, then the command, so that it never rests on a state that was refused in the same turn.
         let armed = supervisor.phase() != Phase::Idle;
         let mut newest = None;
         let heard = link.receive(now, &mut |age, reading| {
@@ -101,6 +103,7 @@ impl<'a> Sender<'a> {
             supervisor.lie_down(now);
         }
         if let Some((at, targets)) = board.targets
+            // Each output is taken once, so that its age grows while the policy is silent.
             && self.targets_of != Some(at)
         {
             self.targets_of = Some(at);

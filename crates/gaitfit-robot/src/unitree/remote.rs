@@ -33,6 +33,7 @@ impl Remote {
     /// turns.
     pub fn command(&self, ranges: &[[f32; 2]; 3]) -> [f32; 3] {
         let [aside, ahead] = self.left;
+        // Sticks count to the right; the robot's y axis and a positive turn are to the left.
         let sticks = [ahead, -aside, -self.right[0]].map(beyond_dead_zone);
         std::array::from_fn(|part| scaled(sticks[part], ranges[part]))
     }
@@ -40,6 +41,7 @@ impl Remote {
 
 /// A stick's way beyond its dead zone, −1 to 1.
 fn beyond_dead_zone(stick: f32) -> f32 {
+    // The rest is stretched, so that the command begins at 0 and reaches 1 at the end of the way.
     ((stick.abs() - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0).copysign(stick)
 }
 
