@@ -49,6 +49,7 @@ pub(crate) fn assemble(
     let lead = lead(&metadata)?;
     let mut channels = samples.channels.into_iter();
     let mut next = || channels.next().unwrap_or_default();
+    // In the order in which the reader lists its channels.
     let (position, velocity, target, action, command) = (next(), next(), next(), next(), next());
     let motion = next();
     let mut base_channel = |name: &'static str, columns: Option<Vec<usize>>| {

@@ -284,6 +284,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     }
     let mut unwrapped = Cow::Borrowed(log);
     if !log.velocity_joints.is_empty() {
+        // A wheel's angle that wraps at a full turn would look like a jump.
         unwrapped.to_mut().unwrap_wheels();
     }
     let log = &*unwrapped;
@@ -303,6 +304,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     lag::check(&mut findings, &scales);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
+    // A stable sort: findings of one severity stay in the order of the checks.
     findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings.list
 }

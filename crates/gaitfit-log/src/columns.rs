@@ -250,6 +250,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let base_rates = header.group(&BASE_RATES);
     let mut gravity = header.gravity();
     if base_quaternion.is_some() || roll_pitch_yaw.is_some() {
+        // An orientation has the heading too, which gravity does not show.
         header.drop_repeated(&mut gravity, "the orientation has it already");
     }
     if base_quaternion.is_some() {

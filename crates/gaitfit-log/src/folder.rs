@@ -226,6 +226,7 @@ fn count_rates(mut rates: Vec<f64>) -> Vec<RateCount> {
     let mut counts: Vec<RateCount> = Vec::new();
     for rate_hz in rates {
         match counts.last_mut() {
+            // Compared with the group's lowest rate, so that a chain of near rates does not become one group.
             Some(last) if rate_hz <= last.rate_hz * (1.0 + SAME_RATE) => last.logs += 1,
             _ => counts.push(RateCount { rate_hz, logs: 1 }),
         }

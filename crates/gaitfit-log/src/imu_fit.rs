@@ -19,6 +19,7 @@ const ENOUGH: usize = 40;
 const MIN_S: f64 = 0.8;
 /// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
 const MOVES: f64 = 0.1;
+/// Where one of the two is below [`MOVES`], they are compared only if the other is at least this many times [`MOVES`].
 const FIVE_TIMES: f64 = 5.0;
 /// Unexplained part up to which a reading is right. Walks of simulated robots at 50 Hz leave 0.14, of a real Go2 0.10.
 pub(crate) const FITS: f64 = 0.25;
@@ -140,6 +141,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
                     for axes in turns().into_iter().filter(|axes| *axes != BASE_AXES) {
                         for negated in [false, true] {
                             let reading = Reading { order, frame, unit, negated, axes };
+                            // The handicap of [`SIMPLER`].
                             readings.push((reading, moments.unexplained(&reading) / SIMPLER));
                         }
                     }
@@ -316,7 +318,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
     };
     let spans = Spans::new(log, rates)?;
     let turned = spans.turned(quaternion, QuaternionOrder::Wxyz, RateFrame::Body);
-    // Rates are composed in order here: over a span they do not quite add up.
+    // Rates are composed in order here: turns about different axes do not quite add up, which would look like a bias.
     let integrated: Vec<Vec3> =
         spans.starts.iter().map(|start| composed(log, rates, *start, spans.length)).collect();
     let part = |range: std::ops::Range<usize>| -> Option<(Vec3, f64)> {
@@ -339,6 +341,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
         let (mut cc, mut cd, mut dd, mut cy, mut dy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for i in range.start.max(1)..range.end.min(integrated.len() - 1) {
             let (before, after) = (spans.starts[i - 1], spans.starts[i + 1]);
+            // A gap: the difference would not be a derivative.
             if after - before != 2 {
                 continue;
             }
@@ -353,6 +356,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
                 }
             }
         }
+        // Normal equations of two unknowns: a factor on c, which takes an error of scale, and the lag.
         let determinant = cc * dd - cd * cd;
         (determinant > 0.0).then(|| (off, (cc * dy - cd * cy) / determinant))
     };

@@ -151,6 +151,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
     let assembled = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report);
     let (log, report) = match assembled {
         Ok(assembled) => assembled,
+        // A number in the wrong unit is the likelier cause, and its place is known.
         Err(error) => return Err(too_fast.or(too_far).unwrap_or(error)),
     };
     let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
@@ -294,6 +295,7 @@ fn read_rows(
             if let Some(cell) = refuse(&values[start..]) {
                 return Err(refused(cell));
             }
+            // Kept and not refused at once: the whole log may show that the unit is a degree.
             if channel.columns == plan[RATES].columns && too_fast.is_none() {
                 too_fast = imu::fast(&values[start..]).map(refused);
             } else if channel.columns == plan[ANGLES].columns && too_far.is_none() {
@@ -310,6 +312,7 @@ fn read_rows(
     if samples.time.is_empty() {
         return Err(LogError::NoSamples { path: path.to_owned() });
     }
+    // A channel without any number is left out as a whole; that is no hole.
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);

@@ -36,6 +36,7 @@ impl Trajectory {
         }
         // A tolerance, so that a duration of a whole number of periods keeps its last sample.
         let periods = (self.duration() * rate_hz + 1e-6).floor();
+        // A row has four signals of each joint, time, command (3) and the base's state (13).
         if (periods + 1.0) * (4 * self.joints.len() + 17) as f64 > RESAMPLE_LIMIT {
             return Err(LogError::Range {
                 what: "resample",
@@ -49,6 +50,7 @@ impl Trajectory {
         let start = self.time[0];
         let time: Vec<f64> = (0..=periods as usize).map(|i| start + i as f64 / rate_hz).collect();
         // For each new time: the sample at or before it, and the fraction of the way to the next.
+        // A nanosecond covers rounding: a new time that is a sample's must not take the sample before.
         let last = |at: f64| self.time.partition_point(|known| *known <= at + 1e-9).saturating_sub(1);
         let measured = time.iter().map(|&at| {
             let before = last(at);

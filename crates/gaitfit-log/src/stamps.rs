@@ -167,6 +167,7 @@ fn mean_step(time: &[f64]) -> f64 {
 
 /// What single precision rounds times of this size to, s.
 fn single_tick(time: f64) -> f64 {
+    // The significand of single precision has 23 bits behind the leading one.
     if time > 0.0 { (time.log2().floor() - 23.0).exp2() } else { 0.0 }
 }
 
@@ -188,11 +189,13 @@ fn tick(time: &[f64]) -> Option<(f64, bool)> {
     if single >= HARMLESS * mean_step(time) && time.iter().all(|time| is_single(*time)) {
         return Some((single, true));
     }
+    // From 256 s, above the 128 s that single precision leaves of a Unix time, to 61 µs.
     let binary = (-8..=14).map(|power| (0.5f64.powi(power), true));
     let decimal = [10.0, 5.0, 2.0, 1.0]
         .into_iter()
         .flat_map(|digit| [1.0, 0.1, 0.01, 1e-3, 1e-4].map(|unit| digit * unit));
     let mut ticks: Vec<(f64, bool)> = binary.chain(decimal.map(|tick| (tick, false))).collect();
+    // The largest first: multiples of it are multiples of smaller ticks too.
     ticks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let shortest = time
         .windows(2)

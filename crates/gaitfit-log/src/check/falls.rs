@@ -85,6 +85,7 @@ fn of_base(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
     let mut add = |down: Vec<bool>, sign| {
         let min = (STUMBLE_S * log.rate_hz).ceil() as usize;
         for samples in stretches(&down) {
+            // What goes down at the end of the log may go on after it: it counts however short it is.
             if samples.len() >= min || samples.end == down.len() {
                 falls.push(Fall { samples, sign });
             }
