@@ -143,6 +143,7 @@ fn sort(table: &mut Table) -> Result<usize, ImportError> {
             }
             latest = latest.max(time);
         }
+        // A stable sort: rows of one time stay in the order in which they came.
         let mut order: Vec<usize> = (0..samples).collect();
         order.sort_by(|a, b| table.time[*a].total_cmp(&table.time[*b]));
         table.pick(&order);
@@ -299,6 +300,7 @@ fn place_between(time: &mut [f64]) -> usize {
             placed += shared;
             let (first, at) = (row - 1, time[row - 1]);
             let usual = || (time[time.len() - 1] - time[0]) / (time.len() - 1).max(1) as f64;
+            // Before the first row there is no neighbour: the mean interval stands in for it.
             let before = if first > 0 { time[first - 1] } else { at - (shared + 1) as f64 * usual() };
             for (number, slot) in time[first..end].iter_mut().enumerate() {
                 *slot = before + (at - before) * (number + 1) as f64 / (shared + 1) as f64;

@@ -26,6 +26,7 @@ pub(crate) struct Joined {
 /// The table with the positions, whose samples the log has.
 fn table_of_positions(tables: &[Table]) -> Result<usize, ImportError> {
     let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
+    // Of tables with as many positions, the first.
     let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
     base.filter(|i| positions(&tables[*i]) > 0).ok_or_else(|| {
         let names: Vec<String> =
@@ -100,6 +101,7 @@ impl Common {
                 common.from = common.from.max(*first - table.slack);
             }
             let blended = table.columns.keys().any(|name| !is_held(name));
+            // What is held counts for one more period; what is blended needs a sample on both sides.
             common.to = common.to.min(if blended { *last } else { last + period });
         }
         Ok(common)

@@ -105,6 +105,8 @@ fn usual(state: &[f64], table: &Table, new: &[usize], step: f64, wrap: f64) -> f
             (lead < 1.5 * step).then_some(lead / step)
         })
         .collect();
+    // The mean of phases on a circle: a lead a little below 0 and one a little below an interval are near each other.
+    // The mean vector has length 1 if all phases are equal, and about 0 if they are spread over the circle.
     let turn = std::f64::consts::TAU;
     let (sin, cos) = phases
         .iter()
@@ -113,6 +115,7 @@ fn usual(state: &[f64], table: &Table, new: &[usize], step: f64, wrap: f64) -> f
     if phases.is_empty() {
         return 0.0;
     }
+    // Streams that run freely: the middle of an interval is the best guess of what answers what.
     if length < TOGETHER {
         return 0.5 * step;
     }

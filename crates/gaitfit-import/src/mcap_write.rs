@@ -9,7 +9,8 @@ use std::io::{Cursor, Seek, Write};
 
 /// Name of the metadata record that holds what messages do not say.
 pub(crate) const METADATA: &str = "gaitfit";
-/// Unix times begin here, s; logs that begin earlier are written as if they began at 1 s.
+/// Unix times begin here, s: the year 2001. Logs that begin earlier are written as if they began at 1 s, because
+/// readers take a stamp of 0 for one that is not set.
 const UNIX_S: f64 = 1e9;
 
 const HEADER: &str = "\
@@ -113,6 +114,7 @@ impl<W: Write> LiveMcap<W> {
     /// # Errors
     /// What `sink` refuses.
     pub fn live(sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
+        // A chunk is complete only at its end, and seeking would rewrite the beginning.
         let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true);
         Self::begin(options, NoSeek::new(sink), head)
     }
@@ -289,6 +291,7 @@ struct Message(Vec<u8>);
 
 impl Message {
     fn new(ns: u64) -> Self {
+        // The head of little-endian CDR.
         let mut message = Message(vec![0, 1, 0, 0]);
         message.u32((ns / 1_000_000_000) as u32);
         message.u32((ns % 1_000_000_000) as u32);

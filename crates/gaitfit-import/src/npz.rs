@@ -115,6 +115,7 @@ pub(crate) fn numbers(
     if !fortran || shape.len() < 2 {
         return Some(plain);
     }
+    // In Fortran's order the first axis runs fastest; the loop below walks in C's order, the last axis fastest.
     let mut strides = Vec::with_capacity(shape.len());
     let mut stride = 1;
     for size in shape {

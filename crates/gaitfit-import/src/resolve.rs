@@ -227,6 +227,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
         (_, None) => Vec::new(),
         (Some(given), Some(_)) => given.clone(),
         (None, Some(count)) => {
+            // Messages of unitree_go have 20 slots, those of unitree_hg 35.
             let names = source.usual_joints.unwrap_or(if count > 20 { &UNITREE_HG } else { &UNITREE_GO });
             source.assumed.push(format!(
                 "motors are those of a Unitree {} in its order, {} to {}",

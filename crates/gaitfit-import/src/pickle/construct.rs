@@ -200,6 +200,7 @@ fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, PickleError> {
 }
 
 fn size(number: f64) -> Result<usize, PickleError> {
+    // Whole numbers below 2⁵³ (9e15) are exact in a double.
     if number >= 0.0 && number.fract() == 0.0 && number < 1e15 {
         Ok(number as usize)
     } else {

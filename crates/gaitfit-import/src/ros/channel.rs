@@ -126,7 +126,7 @@ impl<'a> Messages<'a> {
             return Ok(());
         }
         let Some((_, stream)) = self.streams.get_index_mut(number) else { return Ok(()) };
-        // What never could be read is not tried again for every message.
+        // A topic of which 100 messages could not be read is not tried again: decoding is the slow part.
         if stream.sparse.columns.is_empty() && stream.unknown + stream.damaged.0 >= 100 {
             return Ok(());
         }
@@ -156,6 +156,7 @@ impl<'a> Messages<'a> {
             stream.unknown += 1;
             return Ok(());
         }
+        // A number takes 8 bytes and its row 4; two times and the bookkeeping of the row take the rest.
         budget.take_values(columns.len() + columns.len() / 2 + 3)?;
         let row = u32::try_from(stream.logged.len()).map_err(|_| MessageError::ManyMessages)?;
         stream.logged.push(log_ns);
