@@ -44,6 +44,7 @@ impl Fit {
     /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
     /// Absent where none of them can be read any more.
     pub fn gains(&self, model: &Model) -> Option<(Gains, String)> {
+        // A source that cannot be read is no error here: files of a fit move, and the next source is as good.
         self.of_log(model).or_else(|| self.of_config(model)).or_else(|| self.of_policy(model))
     }
 

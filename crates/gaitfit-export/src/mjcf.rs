@@ -79,6 +79,7 @@ pub(super) fn patched(
 ) -> Result<String, Error> {
     let document = parse(text)?;
     let mut edits = Edits::default();
+    // MuJoCo takes angles in degrees unless the compiler says `radian`.
     let degrees = !document
         .descendants()
         .filter(|node| node.has_tag_name("compiler"))
@@ -196,6 +197,7 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
 
 /// One PD controller a joint instead of the file's actuators, which keep their order and names:
 /// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
+/// MuJoCo's affine actuator makes gainprm[0] · ctrl + biasprm[0] + biasprm[1] · q + biasprm[2] · q̇.
 fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
     let mut order: Vec<(usize, String)> = Vec::new();
     for actuator in &model.actuators {

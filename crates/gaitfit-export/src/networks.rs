@@ -73,9 +73,11 @@ impl Parts {
             layers.push((weights.to_vec(), biases.to_vec()));
             rest = after;
         }
+        // The last layer is linear, so the output's unit can be part of its weights.
         if let Some((weights, biases)) = layers.last_mut() {
             weights.iter_mut().chain(biases).for_each(|weight| *weight *= network.output_scale);
         }
+        // The inputs are position and velocity, three times over.
         let factor = [network.position_scale, network.velocity_scale].repeat(3);
         let offset = [-network.rest * network.position_scale, 0.0].repeat(3);
         Ok(Parts { factor, offset, layers })

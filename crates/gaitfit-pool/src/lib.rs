@@ -6,7 +6,8 @@ use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
 
 thread_local! {
-    /// Max number of threads that the present thread's work may use, itself among them.
+    /// Max number of threads that the present thread's work may use, itself among them; without limit on threads that
+    /// this crate did not start.
     static WIDTH: Cell<usize> = const { Cell::new(usize::MAX) };
 }
 
@@ -51,6 +52,7 @@ fn share_on<W: Send, J: Send>(
     let run = |worker: &mut W| {
         let _restored = Width::set(width);
         loop {
+            // The lock is free again before the work begins.
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
             match job {
                 Some(job) => work(worker, job),

@@ -106,7 +106,8 @@ fn first_record() -> Vec<u8> {
     record(&Event { file_version: Some(VERSION.to_owned()), ..Event::default() })
 }
 
-/// CRC-32C, rotated and offset, so that a checksum of data with checksums in it is none of them.
+/// CRC-32C, rotated and offset as TensorFlow's crc32c.h does it, so that a checksum of data with checksums in it is
+/// none of them.
 fn masked_crc(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8)
 }

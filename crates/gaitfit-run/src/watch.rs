@@ -80,6 +80,7 @@ impl<'a> Watch<'a> {
     /// Passes an event on.
     pub fn tell(&self, event: Event<'_>) {
         if (self.callback)(event).is_break() {
+            // Relaxed: the flag is all that threads share here, and a turn later is soon enough.
             self.stopped.store(true, Ordering::Relaxed);
         }
     }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 /// A coordinate with at most two decimals, without trailing zeros.
 pub(crate) fn coordinate(x: f64) -> String {
+    // A user unit is about a pixel: more decimals would only make pages larger.
     let text = format!("{:.2}", if x.is_finite() { x } else { 0.0 });
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_string() } else { text.to_string() }

@@ -187,6 +187,7 @@ fn gain(report: &FitReport, yardstick: Yardstick, ratio: f64) -> String {
     }
     let digits = if ratio < 10.0 { 1 } else { 0 };
     match yardstick {
+        // Less than a tenth is not worth a sentence. Beyond 1e9 the fitted error is 0 but for rounding.
         _ if !(1.1..1e9).contains(&ratio) => String::new(),
         Yardstick::ValidationRmse => held_out::gain_text(ratio, "motions"),
         Yardstick::FitRmse => {
