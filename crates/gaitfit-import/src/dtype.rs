@@ -28,7 +28,7 @@ impl DType {
         known.then_some(DType { kind, size, big: order == b'>' })
     }
 
-    /// The same type in the byte order of `order`: `<`, `>`, `=` or `|`.
+    /// Returns the same type in the byte order of `order`: `<`, `>`, `=` or `|`.
     pub fn ordered(self, order: &str) -> DType {
         match order {
             ">" => DType { big: true, ..self },

@@ -15,7 +15,7 @@ pub(crate) struct Joined {
     pub time: Vec<f64>,
     /// One value a sample.
     pub columns: IndexMap<String, Vec<f64>>,
-    /// What was assumed.
+    /// Assumptions, in sentences.
     pub assumed: Vec<String>,
     /// How long after their rows targets were stamped, or actions where there are no targets.
     pub lead: Option<Lead>,

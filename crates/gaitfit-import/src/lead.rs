@@ -1,4 +1,4 @@
-//! Which row a controller's message belongs to, and how long after the row's time it was stamped.
+//! Assigns a controller's messages to rows, and measures how long after the row's time they were stamped.
 //!
 //! A control loop reads a state, computes, and publishes a target. The target answers that state, though its stamp is a
 //! little later. So it belongs to the state's row, and the time between them, its lead, is kept: a simulator that holds the

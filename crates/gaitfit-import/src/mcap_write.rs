@@ -35,7 +35,7 @@ MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 const ROBOT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] temperature\nfloat64 battery_charge\n\
 float64 battery_voltage\nfloat64 age\n";
 
-/// What an MCAP log says beside its samples.
+/// Head of an MCAP log: all but its samples.
 #[derive(Clone, Debug)]
 pub struct McapHead<'a> {
     /// The joints, in the order of all rows.
@@ -73,20 +73,20 @@ pub struct McapRow<'a> {
     pub quaternion: Option<[f64; 4]>,
     /// Angular velocity of the base in its own frame, rad/s.
     pub angular_velocity: Option<[f64; 3]>,
-    /// What the accelerometer says, in the base's frame, m/s².
+    /// Reading of the accelerometer, in the base's frame, m/s².
     pub acceleration: Option<[f64; 3]>,
-    /// What else a robot says.
+    /// State of motors and battery.
     pub state: Option<McapState<'a>>,
 }
 
-/// What a robot says of itself.
+/// State of motors and battery of a robot.
 #[derive(Clone, Copy, Debug)]
 pub struct McapState<'a> {
-    /// Of the motors, in the joints' order, °C.
+    /// Temperatures of the motors, in the joints' order, °C.
     pub temperature: &'a [f64],
     /// Charge of the battery, %, and its voltage, V; not a number if they are not reported.
     pub battery: [f64; 2],
-    /// How old the sample was when it was used, s.
+    /// Age of the sample when it was used, s.
     pub age: f64,
 }
 
@@ -98,7 +98,7 @@ pub struct McapState<'a> {
 pub struct McapLog<W: Write + Seek> {
     writer: mcap::Writer<W>,
     joints: Vec<String>,
-    /// From the log's times to those of messages, s; known with the first row.
+    /// Difference of messages' times and the log's times, s; known with the first row.
     shift: Option<f64>,
     rows: u32,
     channels: BTreeMap<&'static str, u16>,
@@ -268,7 +268,7 @@ fn numbers<const N: usize>(rows: &Option<Vec<f64>>, sample: usize) -> Option<[f6
     rows.as_ref().map(|rows| std::array::from_fn(|k| rows[N * sample + k]))
 }
 
-/// What the log says beside its samples, as text.
+/// Returns the head of a log as text.
 fn metadata(head: &McapHead<'_>) -> Metadata {
     let mut entries = BTreeMap::new();
     let mut add = |name: &str, text: String| drop(entries.insert(name.to_owned(), text));

@@ -1,4 +1,4 @@
-//! From a file's names to a log's: columns, joints, units, times.
+//! Renames a file's columns, joints, units and times to those of a log.
 
 use crate::ImportError;
 use crate::arrays::named;
@@ -137,7 +137,7 @@ fn is_said(known: &str, mapping: &Mapping) -> bool {
     })
 }
 
-/// What the mapping's `[columns]` makes of the columns that there are.
+/// Returns the log's names of the columns that the mapping's `[columns]` names.
 fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
     let mut out = IndexMap::new();
     let present: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
@@ -185,7 +185,7 @@ fn listed(names: &[&String]) -> String {
     names.iter().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ")
 }
 
-/// What column `name` is by a pattern with `{joint}` or `{index}`, or as an element of an array.
+/// Returns the log's name of column `name` by a pattern with `{joint}` or `{index}`, or as an element of an array.
 fn by_pattern(pattern: &str, name: &str, role: Role) -> Option<String> {
     let place = |number: usize| match role.prefix() {
         Some(prefix) => Some(format!("{prefix}#{number}")),

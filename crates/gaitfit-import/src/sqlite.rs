@@ -4,7 +4,7 @@
 use crate::problem::Problem;
 use gaitfit_model::shown;
 
-/// What is wrong with a database.
+/// Fault of a database.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SqliteError {

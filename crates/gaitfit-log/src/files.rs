@@ -56,7 +56,7 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
 /// Refuses what is neither a regular file nor a link to one. The message names a link, where it leads and what to do.
 ///
 /// # Errors
-/// As said; an entry that cannot be looked at.
+/// An entry that is neither, or that cannot be looked at.
 pub fn check_entry(path: &Path) -> Result<(), LogError> {
     let io = |source| LogError::Io {
         path: path.to_owned(),

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Rates this close, relative, are the same: the measured rate of a log moves by its jitter.
 const SAME_RATE: f64 = 0.02;
 
-/// What a folder of logs holds.
+/// Summary of a folder of logs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FolderSummary {
     /// The folder.
@@ -46,12 +46,12 @@ pub struct FolderSummary {
 pub struct LogEntry {
     /// The file.
     pub path: PathBuf,
-    /// What it holds, or why it could not be read.
+    /// Its content, or why it could not be read.
     #[serde(flatten)]
     pub content: LogContent,
 }
 
-/// What a log holds.
+/// Content of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LogContent {

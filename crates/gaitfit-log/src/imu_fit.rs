@@ -75,7 +75,7 @@ impl Reading {
     }
 }
 
-/// What a log's orientation and rates say of each other.
+/// Result of comparing a log's orientation with its rates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Verdict {
     /// Unexplained part of the columns as they are named.

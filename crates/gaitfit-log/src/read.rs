@@ -61,7 +61,7 @@ pub struct IgnoredColumn {
     pub reason: String,
 }
 
-/// What reading left out and where it found what.
+/// Columns and rows that reading left out or changed, and sources of what is stated.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ReadReport {
     /// Columns left out, in file order.
@@ -79,7 +79,7 @@ pub struct ReadReport {
     /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even_rows: Option<EvenRows>,
-    /// What reading changed or could not use, as the checks would put it.
+    /// Findings of the reader: columns that it changed or could not use.
     #[serde(skip)]
     pub noticed: Vec<Finding>,
     /// Whether roll, pitch and yaw were in degrees. The trajectory's orientation is made of them as such.
@@ -226,7 +226,7 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
 const ANGLES: usize = 8;
 const RATES: usize = 10;
 
-/// What the rows of a file hold.
+/// Content of the rows of a file.
 struct Rows {
     samples: Samples,
     /// The first hole in a channel of the inertial unit that has numbers elsewhere.

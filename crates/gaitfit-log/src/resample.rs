@@ -20,7 +20,7 @@ impl Trajectory {
     /// value that is set at a new sample's time may be stamped a little after it.
     ///
     /// # Errors
-    /// As there.
+    /// As of [`Trajectory::resample`].
     pub fn resample_early(&self, rate_hz: f64, early: f64) -> Result<Trajectory, LogError> {
         self.validate()?;
         self.require_increasing_time("resample")?;
@@ -191,7 +191,7 @@ pub(crate) struct Places {
     pub curved: bool,
 }
 
-/// What a cubic with the slopes of the samples (a step long) adds to the straight line between two values.
+/// Returns what a cubic with the samples' slopes (for one step) adds to the straight line between two values.
 fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -> f64 {
     let rise = to - from;
     let rest = 1.0 - fraction;

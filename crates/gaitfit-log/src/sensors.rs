@@ -47,12 +47,12 @@ impl Estimate {
     }
 }
 
-/// What logs say of their sensors.
+/// Lags, biases and noise of the sensors, estimated from logs alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sensors {
-    /// How late joint velocities are behind positions, s.
+    /// Lag of joint velocities behind positions, s.
     pub velocity_lag: Option<Estimate>,
-    /// What the gyro reads beyond the rate at which the orientation turns, rad/s, base frame.
+    /// Bias: the gyro's reading less the rate at which the orientation turns, rad/s, base frame.
     pub gyro_bias: Option<[Estimate; 3]>,
     /// Smallest step of joint positions, rad.
     pub position_step: Option<f64>,
@@ -92,7 +92,7 @@ impl Ratio {
 }
 
 impl Sensors {
-    /// Of logs of one robot.
+    /// Estimates from logs of one robot.
     pub fn new(logs: &[&Trajectory]) -> Self {
         Self {
             velocity_lag: velocity_lag(logs),

@@ -25,7 +25,7 @@ pub struct Lost {
     pub samples: usize,
 }
 
-/// How the samples of a log follow each other.
+/// The interval between the samples of a log, and lost samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spacing {
     /// The interval, s: the slope of time over samples, lost ones counted.

@@ -31,7 +31,7 @@ const WINDOW: usize = 64;
 /// A loss of more than this share of the rows is a wrong rate.
 const LOSS: f64 = 0.2;
 
-/// Why stamps are too coarse.
+/// The fault of stamps that are too coarse.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CoarseStamps {
     /// The tick, s: every stamp is a multiple of it; 0 where there is none, and rows share stamps nevertheless.
@@ -66,7 +66,7 @@ impl std::fmt::Display for CoarseStamps {
 /// Rows that were spaced evenly, because their stamps had lost their digits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EvenRows {
-    /// What was wrong with the stamps.
+    /// The fault of the stamps.
     pub coarse: CoarseStamps,
     /// Rows a second.
     pub rate_hz: f64,
@@ -86,7 +86,7 @@ impl std::fmt::Display for EvenRows {
     }
 }
 
-/// What stamps turn out to be.
+/// Result of examining stamps.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stamps {
     /// As good as they need to be.
@@ -132,7 +132,7 @@ pub fn rate_of_velocities(position: &[f64], velocity: &[f64], joints: usize) -> 
     shared_factor(&numbers, position, velocity, joints).filter(|rate| *rate >= 1.0)
 }
 
-/// What is wrong with the stamps, if they are too coarse.
+/// Returns the fault of the stamps, if they are too coarse.
 fn coarse(time: &[f64], is_new: impl Fn(usize) -> bool) -> Option<CoarseStamps> {
     if time.len() < ENOUGH {
         return None;
@@ -165,7 +165,7 @@ fn mean_step(time: &[f64]) -> f64 {
     (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
 }
 
-/// What single precision rounds times of this size to, s.
+/// Returns the step of single precision for times of this size, s.
 fn single_tick(time: f64) -> f64 {
     // The significand of single precision has 23 bits behind the leading one.
     if time > 0.0 { (time.log2().floor() - 23.0).exp2() } else { 0.0 }

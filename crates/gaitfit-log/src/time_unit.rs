@@ -60,7 +60,7 @@ impl std::fmt::Display for TimeUnit {
 pub struct ConvertedTime {
     /// The file's unit.
     pub unit: TimeUnit,
-    /// How it was recognised.
+    /// The reason for taking this unit.
     pub because: String,
 }
 

@@ -23,13 +23,13 @@ const OTHERS: [&str; 2] = ["fell", "note"];
 /// Largest form, bytes: hundreds of trials with long notes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Why a form cannot be read: one line, with file and line.
+/// The reason why a form cannot be read: one line, with file and line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct FormError {
     /// The form.
     pub path: PathBuf,
-    /// What is wrong, and what to do.
+    /// The problem, and what to do.
     pub problem: String,
 }
 

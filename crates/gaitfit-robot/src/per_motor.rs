@@ -26,7 +26,7 @@ impl<T: Copy + Default> PerMotor<T> {
         motors
     }
 
-    /// What `f` makes of each value.
+    /// Applies `f` to each value.
     pub fn map<U: Copy + Default>(&self, mut f: impl FnMut(T) -> U) -> PerMotor<U> {
         PerMotor::from_fn(self.count, |motor| f(self.values[motor]))
     }

@@ -8,12 +8,12 @@ use crate::guard::{GuardSettings, Limits, Reason, Watch};
 use crate::per_motor::PerMotor;
 use crate::state::{Reading, RobotState};
 
-/// What a robot is doing.
+/// Phase of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Nothing is sent.
     Idle,
-    /// To the lying posture, then up.
+    /// Moves to the lying posture, then stands up.
     StandUp,
     /// Stands with the policy's gains.
     Stand,
@@ -69,13 +69,13 @@ pub struct Postures {
 pub struct Times {
     /// To the lying posture, wherever the legs are: only from there is the way up known.
     pub fold: Duration,
-    /// From lying to standing.
+    /// Time from lying to standing.
     pub rise: Duration,
-    /// From the gains of standing up to the policy's, standing.
+    /// Time of the change from the gains of standing up to the policy's, while standing.
     pub settle: Duration,
     /// From wherever a stride left the legs to standing, before they fold: a robot with two feet in the air tips over.
     pub gather: Duration,
-    /// To lying.
+    /// Time from standing to lying.
     pub lie_down: Duration,
     /// Damping before the last command.
     pub damping: Duration,
@@ -106,13 +106,13 @@ pub struct Supervisor {
     postures: Postures,
     times: Times,
     phase: Phase,
-    /// When the phase began.
+    /// Time at which the phase began.
     since: Duration,
     /// Joint angles from which the phase's motion begins, rad.
     from: PerMotor<f32>,
     /// How long the legs take to standing before they fold.
     gather: Duration,
-    /// When the last command was asked for.
+    /// Time of the last call of [`Supervisor::tick`].
     ticked: Option<Duration>,
     /// The policy's last targets (rad, or rad/s for wheels that roll), and when they came.
     targets: Option<(Duration, PerMotor<f32>)>,
@@ -145,12 +145,12 @@ impl Supervisor {
         }
     }
 
-    /// What the robot is doing.
+    /// Returns the current phase.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Why it is in damping; `None` after an orderly end, and in other phases.
+    /// Returns the reason for damping; `None` after an orderly end, and in other phases.
     pub fn reason(&self) -> Option<&Reason> {
         self.reason.as_ref()
     }
@@ -201,7 +201,7 @@ impl Supervisor {
         self.stop(now, Reason::SecondController);
     }
 
-    /// To damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
+    /// Goes to damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.phase {
             Phase::Damping => {}
@@ -216,7 +216,7 @@ impl Supervisor {
         }
     }
 
-    /// From idle to standing up.
+    /// Begins to stand up, from idle.
     ///
     /// # Errors
     /// A rule that the robot's state fails, or that it is not idle.
@@ -254,7 +254,7 @@ impl Supervisor {
         }
     }
 
-    /// The walk is over: to lying down, from wherever the robot is.
+    /// Lies down, from wherever the robot is, as the walk is over.
     pub fn lie_down(&mut self, now: Duration) {
         if !matches!(self.phase, Phase::StandUp | Phase::Stand | Phase::Walk | Phase::Stop) {
             return;
@@ -273,7 +273,7 @@ impl Supervisor {
         }
     }
 
-    /// What to send at `now`: nothing while idle, else a command inside the limits. To be asked for at a steady rate.
+    /// Returns the command for `now`: nothing while idle, else one inside the limits. To be called at a steady rate.
     pub fn tick(&mut self, now: Duration) -> Option<Command> {
         if self.phase == Phase::Idle {
             return None;
@@ -315,7 +315,7 @@ impl Supervisor {
         limits.admit(&wanted, state).unwrap_or(wanted)
     }
 
-    /// To the next phase, where this one is over.
+    /// Goes to the next phase if this one is over.
     fn advance(&mut self, now: Duration) {
         let elapsed = now.saturating_sub(self.since);
         match self.phase {

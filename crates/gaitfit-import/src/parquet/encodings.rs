@@ -7,7 +7,7 @@ use crate::problem::Problem;
 
 const CUT: &str = "a page is cut short";
 
-/// How a column's numbers lie in its pages.
+/// Type of a column's numbers in its pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Physical {
     Bool,

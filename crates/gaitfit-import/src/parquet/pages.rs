@@ -198,7 +198,7 @@ fn place_values(
     Ok(row)
 }
 
-/// How a page is packed.
+/// Compression of a page.
 #[derive(Clone, Copy)]
 struct Packed {
     codec: CompressionCodec,

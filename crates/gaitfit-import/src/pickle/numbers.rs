@@ -1,4 +1,4 @@
-//! From a pickle's objects to named arrays.
+//! Makes named arrays of a pickle's objects.
 
 use super::PickleError;
 use super::construct::{RawArray, Tensor};

@@ -50,7 +50,7 @@ struct Stream {
 pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
     streams: IndexMap<(String, Rc<str>), Stream>,
-    /// What a file that this program wrote says beside its messages.
+    /// Metadata of a file that this program wrote.
     metadata: BTreeMap<String, String>,
 }
 
@@ -271,7 +271,7 @@ impl<'a> Messages<'a> {
     }
 }
 
-/// Which times of a stream are taken.
+/// The times of a stream that are taken.
 struct Clock {
     topic: String,
     /// Header stamps, not the recorder's times.

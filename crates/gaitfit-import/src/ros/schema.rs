@@ -12,7 +12,7 @@ pub(super) const MAX_FIELDS: usize = 20_000;
 /// Longest name of a type or a field, bytes. A package's name is repeated in those of all its types.
 pub(super) const MAX_NAME: usize = 256;
 
-/// What a field holds, one element of it.
+/// Type of one element of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Base {
     Bool,

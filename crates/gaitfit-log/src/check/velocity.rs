@@ -108,7 +108,7 @@ fn scaled(
     findings.add(FindingKind::VelocityMismatch, severity, joints, None, message);
 }
 
-/// What a factor may come from, and what to do.
+/// Returns what a factor may come from, and what to do.
 fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> String {
     let near = |wanted: f64| one && (0.9..1.1).contains(&(factor / wanted));
     let degrees = 180.0 / std::f64::consts::PI;

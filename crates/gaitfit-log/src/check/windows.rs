@@ -18,7 +18,7 @@ const WINDOW_SAMPLES: usize = 20;
 const RATE_HZ: f64 = 100.0;
 /// A target that deviates this much in a window, rad, asks for motion.
 const ASKS: f64 = 0.05;
-/// The same for a velocity target, rad/s.
+/// The same threshold for a velocity target, rad/s.
 const ASKS_SPEED: f64 = 1.0;
 /// A steady velocity target of this size, rad/s, asks a wheel to turn. A Go2-W that turns on the spot has wheels that rest under
 /// targets of 4 rad/s.

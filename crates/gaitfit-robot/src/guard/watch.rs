@@ -10,12 +10,12 @@ use super::{Limits, Reason};
 use crate::robot::Robot;
 use crate::state::{Reading, RobotState, Seal};
 
-/// When a robot goes to damping.
+/// Limits that lead to damping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardSettings {
     /// Names of the joints, motor order, for reasons.
     pub joints: Arc<[String]>,
-    /// What its motors bear.
+    /// Limits of its motors.
     pub limits: Limits,
     /// Oldest state to act on.
     pub stale: Duration,
@@ -82,7 +82,7 @@ impl Watch {
         Self { settings, last: None }
     }
 
-    /// When the robot goes to damping.
+    /// Returns the limits that lead to damping.
     pub fn settings(&self) -> &GuardSettings {
         &self.settings
     }

@@ -33,7 +33,7 @@ const MAX_DOMAIN: u16 = 232;
 /// How old a part of a state may be, as old as the guard lets a whole state be; see [`Dds::with_patience`].
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What has arrived.
+/// States and problems that wait for the next call.
 pub(super) struct Inbox {
     states: VecDeque<(Instant, Reading)>,
     others: u64,

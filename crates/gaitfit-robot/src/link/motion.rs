@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_millis(250);
 /// Time between two looks for an answer.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What the motion service says of itself.
+/// Answer of the motion service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MotionMode {
     /// It walks the robot, in the mode of this name.
@@ -78,7 +78,7 @@ impl MotionSwitcher {
         Ok(Self { requests, responses, number, _participant: participant })
     }
 
-    /// Which mode the service is in; it has `patience` to answer.
+    /// Asks for the mode of the service; it has `patience` to answer.
     ///
     /// # Errors
     /// DDS that does not send.

@@ -82,7 +82,7 @@ pub struct Simulated<'a> {
     /// Milliseconds simulated.
     ms: u64,
     torque: PerMotor<f32>,
-    /// By joint: nothing, and the motors' torques.
+    /// A torque of 0 for each joint of the model, and the motors' torques, N·m.
     nothing: Vec<f32>,
     torques: Vec<f32>,
 }

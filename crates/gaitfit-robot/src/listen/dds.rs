@@ -77,7 +77,7 @@ impl Decode<'_, Vec<u8>> for Head {
     }
 }
 
-/// What has come and waits.
+/// Messages that have arrived and wait.
 #[derive(Default)]
 struct Inbox {
     heard: Vec<Heard>,

@@ -39,7 +39,7 @@ pub struct Flown {
     pub heard: Vec<Heard>,
     /// The plan; absent if the robot was not armed.
     pub plan: Option<Plan>,
-    /// Why it ended in damping; `None` after an orderly end.
+    /// The reason for damping; `None` after an orderly end.
     pub reason: Option<Reason>,
     /// Commands that the guard changed.
     pub changed: u64,
@@ -53,7 +53,7 @@ pub struct Flight {
     damping: PerMotor<f32>,
     stage: Stage,
     begun: Duration,
-    /// When damping began.
+    /// Time at which damping began.
     damped: Duration,
     ticked: Option<Duration>,
     refused: Option<Reason>,
@@ -81,7 +81,7 @@ impl Flight {
         self.stage
     }
 
-    /// What was sent and heard.
+    /// Returns the states and commands of the motion.
     pub fn flown(self) -> Flown {
         self.flown
     }
@@ -115,7 +115,7 @@ impl Flight {
         }
     }
 
-    /// Why an idle robot may not be armed.
+    /// Returns the reason why an idle robot may not be armed.
     pub fn refused(&self) -> Option<&Reason> {
         self.flown.reason.as_ref().or(self.refused.as_ref())
     }
@@ -154,7 +154,7 @@ impl Flight {
         Ok(())
     }
 
-    /// What to send at `now`: nothing while idle, else a command inside the limits. Call it at a steady rate.
+    /// Returns the command for `now`: nothing while idle, else one inside the limits. Call it at a steady rate.
     pub fn tick(&mut self, now: Duration) -> Option<Command> {
         if self.stage == Stage::Idle {
             return None;

@@ -1,4 +1,4 @@
-//! What a motor's reported torque shows of its gains, and how late it is.
+//! Gain and delay of a motor, from its reported torque.
 //!
 //! τ(t) = g (kp (q*(t − d) − q(t − a)) − kd q̇(t − a)) + c. The gain g is 1 if kp and kd are as stated; c is a constant. The delay d is
 //! unknown. So is the age a: the state in a message may be newer than the one by which the motor's controller computed the
@@ -23,7 +23,7 @@ const FLOOR: f64 = 1e-5;
 const PART: f64 = 0.125;
 const STEP: f64 = PART * DT;
 
-/// What a reported torque shows.
+/// Results of a reported torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reported {
     /// Time from a target to it, s.
@@ -68,7 +68,7 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     Some(Reported { delay, gain: [low, high] })
 }
 
-/// Those that fit about as well as the best.
+/// Returns those that fit about as well as the best.
 fn possible(fits: &[Tried], floor: f64) -> Vec<Tried> {
     let best = fits.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
     let mut kept: Vec<Tried> =

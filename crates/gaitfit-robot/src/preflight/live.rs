@@ -55,10 +55,10 @@ impl Turns for Beat {
     }
 }
 
-/// What listening showed.
+/// Results of listening.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Listened {
-    /// How states come.
+    /// Arrival of states.
     pub network: NetworkReport,
     /// The joints, motor order.
     pub joints: Vec<JointReport>,

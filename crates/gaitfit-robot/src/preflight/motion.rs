@@ -84,10 +84,10 @@ pub struct JointMotion {
     pub zero: Option<Measured>,
 }
 
-/// What the motions show.
+/// Results of the small motions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moved {
-    /// Why they were stopped; absent after an orderly end.
+    /// The reason for stopping them; absent after an orderly end.
     pub reason: Option<String>,
     /// Commands sent.
     pub commands: usize,
@@ -103,7 +103,7 @@ pub struct Moved {
     pub mass_factor: Option<f64>,
 }
 
-/// What motions show, and what is wrong. `model`: the robot's file, for weights.
+/// Evaluates the motions, and returns what is wrong. `model`: the robot's file, for weights.
 pub fn moved(
     flown: &Flown,
     sampled: &SampledStates,
@@ -193,7 +193,7 @@ fn joint(
     Some((motion, carried))
 }
 
-/// What a joint carries by the robot's file.
+/// Returns the load of a joint by the robot's file.
 fn weigh(
     sampled: &SampledStates,
     robot: &Robot,
@@ -213,7 +213,7 @@ fn weigh(
     Some(load(model, model.find_joint(&robot.motors[motor].joint)?, &q, up))
 }
 
-/// What a joint carries by the robot's file, and how it moved.
+/// Load of a joint by the robot's file, and its equation of motion.
 struct Carried {
     load: Load,
     equation: Equation,

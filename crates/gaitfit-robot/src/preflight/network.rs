@@ -1,4 +1,4 @@
-//! How states come: their rate, gaps, losses, and the robot's clock against this computer's.
+//! Arrival of states: their rate, gaps, losses, and the robot's clock against this computer's.
 
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ const CLOCK_PPM: f64 = 500.0;
 /// With fewer messages nothing else is judged.
 pub(super) const FEWEST: usize = 20;
 
-/// How states come.
+/// Arrival of states.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkReport {
     /// Messages heard.
@@ -49,11 +49,11 @@ pub struct NetworkReport {
 pub struct ClockReport {
     /// How much faster the robot's counter runs than ms of this computer, parts per million.
     pub faster_ppm: Measured,
-    /// How irregularly messages come, by the robot's counter: standard deviation, ms.
+    /// Irregularity of the arrival against the robot's counter: standard deviation, ms.
     pub jitter_ms: f64,
 }
 
-/// What the times of messages show.
+/// Measures the arrival of messages.
 pub(super) fn network(heard: &[Heard], other_commands: u64) -> NetworkReport {
     let seconds = match (heard.first(), heard.last()) {
         (Some(first), Some(last)) => last.came.saturating_sub(first.came).as_secs_f64(),

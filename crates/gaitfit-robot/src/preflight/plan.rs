@@ -9,7 +9,7 @@ use crate::command::{Command, MotorCommand};
 use crate::per_motor::PerMotor;
 use crate::robot::Robot;
 
-/// What the robot is doing.
+/// Stage of the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {

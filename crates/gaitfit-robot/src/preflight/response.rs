@@ -28,12 +28,12 @@ const SEEN: f64 = 5.0;
 /// A target holds until the next one is sent: on average it is late by half a row, s.
 pub(super) const HELD: f64 = 0.5 * DT;
 
-/// What a joint's own motion shows.
+/// Results of a joint's own motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Response {
-    /// By its equation of motion; absent if it moves too slowly for one.
+    /// Its equation of motion; absent if it moves too slowly for one.
     pub(super) equation: Option<Equation>,
-    /// By its reported torque; absent where none is reported.
+    /// Its reported torque; absent where none is reported.
     pub(super) torque: Option<Reported>,
     /// Change of the angle over change of the target.
     pub(super) follows: f64,

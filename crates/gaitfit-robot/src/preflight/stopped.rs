@@ -1,4 +1,4 @@
-//! Why a motion was stopped: which joint, and what is wrong with it.
+//! Diagnosis of a motion that was stopped: which joint, and what is wrong with it.
 
 use super::flight::Flown;
 use super::log::{Row, SampledStates};

@@ -1,4 +1,4 @@
-//! What a person's tilts show: axes and signs of orientation and gyro.
+//! Axes and signs of orientation and gyro, from a person's tilts.
 
 use gaitfit_model::rotation::{Vec3, dot};
 use serde::Serialize;
@@ -53,20 +53,20 @@ impl Motion {
 /// A turn that a person made, with the states from just before it to its end.
 #[derive(Clone, Debug)]
 pub struct Tilted {
-    /// Which one.
+    /// The turn that was asked for.
     pub motion: Motion,
-    /// What came meanwhile.
+    /// States from just before it to its end.
     pub heard: Vec<Heard>,
 }
 
 /// A turn as the unit saw it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TiltReport {
-    /// Which one.
+    /// The turn that was asked for.
     pub motion: Motion,
     /// The turn by the orientation, degrees about x, y, z.
     pub turn: [f64; 3],
-    /// The same by the gyro.
+    /// The turn by the gyro, degrees about x, y, z.
     pub gyro_turn: [f64; 3],
 }
 

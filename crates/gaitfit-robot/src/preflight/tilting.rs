@@ -18,12 +18,12 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// Min time between two turns, in which the person brings the robot back.
 const BETWEEN: Duration = Duration::from_secs(3);
 
-/// What the person must do.
+/// The next thing that the person must do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// To hold the robot level and still.
+    /// Hold the robot level and still.
     Level,
-    /// To make this turn, and to hold it.
+    /// Make this turn, and hold it.
     Turn(Motion),
     /// Nothing more: all turns are made.
     Done,
@@ -63,7 +63,7 @@ impl Tilting {
         }
     }
 
-    /// What the person is asked for now.
+    /// Returns what the person must do now.
     pub fn asked(&self) -> Asked {
         self.asked
     }

@@ -13,7 +13,7 @@ const LISTED: usize = 40;
 /// First number of a covariance whose quantity is not measured, by the definition of `sensor_msgs/msg/Imu`.
 const UNKNOWN: f64 = -1.0;
 
-/// What a message makes.
+/// Result of taking a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Taken {
     /// A state.

@@ -28,7 +28,7 @@ pub struct Controller<'a> {
     standing: PerMotor<f32>,
     sensed: Sensed,
     begun: Option<Duration>,
-    /// When the commands were over, s after it began.
+    /// Time at which the commands were over, s after it began.
     ended: Option<f64>,
     /// The walk that is recorded.
     walk: Option<usize>,

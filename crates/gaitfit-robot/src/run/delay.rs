@@ -16,19 +16,19 @@ const DELAYS: u64 = 60;
 /// Fewest states for an answer.
 const FEWEST: usize = 200;
 
-/// What was sent and felt, a moment after the other.
+/// Commands and states, in the order of time.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
     commands: VecDeque<(Duration, Command)>,
     states: VecDeque<(Duration, RobotState)>,
 }
 
-/// Which delay explains the reported torques best.
+/// The delay that explains the reported torques best.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Delay {
-    /// From sending a command to a state with its torque in it, ms; whole ones.
+    /// Time from sending a command to a state with its torque in it, whole ms.
     pub ms: u64,
-    /// What it leaves unexplained: root mean square of the difference over that of the torques.
+    /// Part that stays unexplained: root mean square of the difference over that of the torques.
     pub residual: f64,
 }
 

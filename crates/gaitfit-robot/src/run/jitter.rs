@@ -1,4 +1,4 @@
-//! How steady a loop was.
+//! Lateness of a loop.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Most times that are kept: more than half an hour at 500 Hz.
 const MAX_SAMPLES: usize = 1 << 20;
 
-/// How late each turn of a loop was.
+/// Lateness of each turn of a loop, µs.
 #[derive(Clone, Debug, Default)]
 pub struct Jitter {
     late: Vec<u32>,

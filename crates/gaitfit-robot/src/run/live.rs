@@ -23,7 +23,7 @@ const FIRST_STATE: Duration = Duration::from_secs(15);
 /// How long to listen for other controllers before arming.
 const LISTEN: Duration = Duration::from_secs(1);
 
-/// What a run needs from the person beside the robot.
+/// Callbacks to the person beside the robot, and settings of a run.
 pub struct Live<'a> {
     /// Asked once, when the robot is heard: whether to arm it. `false` ends the run.
     pub confirm: &'a mut dyn FnMut(&RobotState) -> bool,
@@ -58,10 +58,10 @@ pub fn real_time() -> bool {
     thread_priority::set_current_thread_priority(thread_priority::ThreadPriority::Max).is_ok()
 }
 
-/// What a run was.
+/// Summary of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why it ended in damping; `None`: it walked to the end and lay down.
+    /// The reason for damping; `None`: the robot walked to the end and lay down.
     pub reason: Option<String>,
     /// Whether it was armed.
     pub armed: bool,
@@ -69,7 +69,7 @@ pub struct Summary {
     pub real_time: bool,
     /// Messages of the robot.
     pub states: u64,
-    /// Those while armed.
+    /// Messages while armed.
     pub armed_states: u64,
     /// Its rate, Hz, from the first to the last.
     pub state_hz: f64,
@@ -87,11 +87,11 @@ pub struct Summary {
     pub state_age_ms: f64,
     /// The greatest, ms.
     pub oldest_state_ms: f64,
-    /// How late the loop that sends was, µs.
+    /// Lateness of the loop that sends, µs.
     pub send_late_us: Lateness,
-    /// How late the policy's loop was, µs.
+    /// Lateness of the policy's loop, µs.
     pub control_late_us: Lateness,
-    /// From a command to a state with its torque in it.
+    /// Time from a command to a state with its torque in it.
     pub delay: Option<Delay>,
 }
 

@@ -24,7 +24,7 @@ pub const RUN: &str = "run";
 /// Columns of [`WHOLE`] with the command that was sent to each joint: angle, rad; gains; velocity, rad/s.
 const SENT: [&str; 4] = ["sent_q_", "sent_kp_", "sent_kd_", "sent_dq_"];
 
-/// What the policy did in a control period.
+/// Action of the policy in a control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Acted<'a> {
     /// Time since the walk's beginning, s.
@@ -56,7 +56,7 @@ pub struct Recorder {
     /// Digits of the walks' numbers in their files' names; `None`: one walk.
     digits: Option<usize>,
     walk: Option<Log>,
-    /// The same walk as MCAP.
+    /// The MCAP file of the same walk.
     view: Option<View>,
     interface: Interface,
     whole: Option<Log>,

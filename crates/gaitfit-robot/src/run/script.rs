@@ -18,7 +18,7 @@ const LARGEST: f64 = 5.0;
 pub struct Script {
     /// Time since the walk's beginning (s) and command: forward, left (m/s), yaw rate (rad/s).
     rows: Vec<(f64, [f32; 3])>,
-    /// From when to when each walk is recorded, s.
+    /// Beginning and end of the recording of each walk, s.
     walks: Vec<[f64; 2]>,
     /// Whether it is made of walks that each have a log of their own.
     many: bool,

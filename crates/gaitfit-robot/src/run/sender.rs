@@ -21,7 +21,7 @@ pub struct Sender<'a> {
     last_came: Option<Duration>,
     /// Messages of the robot so far.
     pub states: u64,
-    /// Those while armed.
+    /// Messages while armed.
     pub armed_states: u64,
     /// Commands sent so far.
     pub commands: u64,
@@ -29,9 +29,9 @@ pub struct Sender<'a> {
     pub clamped: u64,
     /// Longest time between two messages while armed.
     pub longest_gap: Duration,
-    /// How late the loop was.
+    /// Lateness of the loop.
     pub jitter: Jitter,
-    /// What was sent and felt while walking.
+    /// Commands and states while walking.
     pub trace: Trace,
 }
 

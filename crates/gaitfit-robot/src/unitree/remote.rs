@@ -4,7 +4,7 @@
 /// How far a stick may be from its middle and count as there; sticks do not come back quite to it.
 const DEAD_ZONE: f32 = 0.1;
 
-/// What is pressed and pushed.
+/// Buttons and sticks of the remote.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Remote {
     /// Left stick, −1 to 1, positive to the right and ahead.
@@ -18,7 +18,7 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Of the state's bytes. A stick whose number is none is in its middle.
+    /// Reads the state's bytes. A stick whose number is not finite counts as being in its middle.
     pub fn read(bytes: &[u8; 40]) -> Self {
         let axis = |at: usize| {
             let value = f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
