@@ -39,7 +39,7 @@ pub(super) fn says_base(text: &str, model: &Model) -> Result<bool, Error> {
     Ok(base_inertial(&document, model).is_some())
 }
 
-/// The same of every body whose link the fit changes.
+/// Whether the mass of every body whose link the fit changes is a number in the file.
 pub(super) fn says_links(text: &str, model: &Model, candidate: &Candidate) -> Result<bool, Error> {
     let document = parse(text)?;
     let changes = candidate.robot.body_changes(model);

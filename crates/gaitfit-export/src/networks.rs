@@ -57,7 +57,7 @@ fn names(networks: &[SavedNetwork]) -> Vec<String> {
 struct Parts {
     factor: Vec<f64>,
     offset: Vec<f64>,
-    /// Of each layer: weights and biases; the output's unit is folded into the last.
+    /// Weights and biases of each layer; the output's unit is folded into the last.
     layers: Vec<(Vec<f64>, Vec<f64>)>,
 }
 

@@ -96,7 +96,7 @@ pub struct Options {
     pub mapping: Mapping,
     /// Largest file, bytes; packed data may become four times as large.
     pub max_bytes: u64,
-    /// Most numbers kept, of 8 bytes.
+    /// Max count of numbers kept, of 8 bytes.
     pub max_values: usize,
 }
 

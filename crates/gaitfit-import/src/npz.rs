@@ -10,7 +10,7 @@ use zip::ZipArchive;
 
 /// Longest header of an array, bytes: NumPy itself refuses longer ones.
 const MAX_HEADER: usize = 10_000;
-/// Most files in an archive.
+/// Max number of files in an archive.
 pub(crate) const MAX_ENTRIES: usize = 10_000;
 
 /// The arrays of an npz archive. Arrays of Python objects are refused: they are pickles.

@@ -15,7 +15,7 @@ use gaitfit_log::{ReadOptions, read_csv_report, stated};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Most files of a bag's folder.
+/// Max number of files of a bag's folder.
 const MAX_FILES: usize = 1000;
 
 /// Reads a file or a bag's folder.

@@ -82,7 +82,7 @@ fn renamed(known: String, mapping: &Mapping) -> String {
     }
 }
 
-/// Most names of streams in a message.
+/// Max number of names of streams in a message.
 const MAX_SHOWN: usize = 20;
 
 /// Notes which names of `streams.take` the source has.

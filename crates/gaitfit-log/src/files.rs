@@ -4,7 +4,7 @@ use crate::LogError;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Most entries of a folder that are looked at.
+/// Max number of entries of a folder that are looked at.
 const MAX_ENTRIES: usize = 100_000;
 
 /// Targets of a chirp, and what a simulation expects of it: files that `gaitfit excite` writes beside `play.py`.

@@ -14,7 +14,7 @@ use gaitfit_model::rotation::{Quat, Vec3, inverse, normalize, product, quat_of};
 
 /// Length of a span, s: long against the noise of attitude filters, short against a step.
 const SPAN_S: f64 = 0.04;
-/// Fewest spans that say something, and shortest log, s.
+/// Min number of spans that say something, and shortest log, s.
 const ENOUGH: usize = 40;
 const MIN_S: f64 = 0.8;
 /// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
@@ -306,7 +306,7 @@ pub(crate) struct Fine {
 
 /// Parts of a log whose results are compared for the standard errors.
 const PARTS: usize = 5;
-/// Fewest spans of a part.
+/// Min number of spans of a part.
 const OF_A_PART: usize = 20;
 
 /// Bias and lag of the rates against the orientation: a = c + lag · dc/dt − bias · span, by least squares. The standard

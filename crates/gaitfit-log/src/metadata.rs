@@ -59,7 +59,7 @@ impl PerJoint {
     }
 }
 
-/// Most entries of a table by joint name: each costs some microseconds.
+/// Max number of entries of a table by joint name: each costs some microseconds.
 const MAX_ENTRIES: usize = 1000;
 
 fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
@@ -122,7 +122,7 @@ pub(crate) struct Statements {
     pub _notes: Option<toml::Table>,
 }
 
-/// Most characters of what the TOML reader says.
+/// Max number of characters of what the TOML reader says.
 const REASON: usize = 200;
 
 const KEYS: [&str; 15] = [

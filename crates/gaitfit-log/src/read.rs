@@ -28,7 +28,7 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Largest number of columns taken.
     pub max_columns: usize,
-    /// Most numbers taken: rows times columns that are read. Each takes 8 bytes.
+    /// Max count of numbers taken: rows times columns that are read. Each takes 8 bytes.
     pub max_values: usize,
     /// Take one row of so many, the first among them. The rate is that of the rows that are taken.
     pub every: usize,

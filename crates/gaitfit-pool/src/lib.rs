@@ -81,7 +81,7 @@ pub fn for_each<S: Send>(
     share_on(threads, &mut workers, 0..pieces, |own, piece| work(own.get_or_insert_with(&scratch), piece));
 }
 
-/// What `work` makes of every piece below `pieces`, in their order, on `threads` threads.
+/// Returns the results of `work` for every piece below `pieces`, in their order, on `threads` threads.
 pub fn map<R: Send>(pieces: usize, threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     map_each(0..pieces, (threads, threads), work)
 }

@@ -11,7 +11,7 @@ use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHeader, PageType};
 use std::borrow::Cow;
 
-/// Most bytes that a page's header may make: it holds names and statistics.
+/// Max number of bytes that a page's header may make: it holds names and statistics.
 const MAX_HEADER: usize = 1 << 20;
 const CUT: &str = "a page is cut short";
 

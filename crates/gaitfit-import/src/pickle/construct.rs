@@ -27,7 +27,7 @@ pub(crate) struct Tensor {
     pub stride: Vec<usize>,
 }
 
-/// Most axes of an array.
+/// Max number of axes of an array.
 const MAX_AXES: usize = 16;
 
 /// Computes `function(*arguments)` for the functions that logs need.

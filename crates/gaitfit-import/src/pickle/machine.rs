@@ -7,7 +7,7 @@ use crate::problem::Problem;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Most objects of a pickle. Each takes some tens of bytes.
+/// Max number of objects of a pickle. Each takes some tens of bytes.
 pub(super) const MAX_NODES: usize = 20_000_000;
 
 /// Number of an object.

@@ -6,7 +6,7 @@ use super::value::Value;
 
 /// Deepest type in types.
 pub(super) const DEEPEST: usize = 32;
-/// Most elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
+/// Max number of elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
 const MAX_ELEMENTS: usize = 4_000_000;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.
 const MAX_KEPT: usize = 1 << 16;

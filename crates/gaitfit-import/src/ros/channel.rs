@@ -12,7 +12,7 @@ use indexmap::IndexMap;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// Most topics of a bag.
+/// Max number of topics of a bag.
 pub(super) const MAX_TOPICS: usize = 10_000;
 /// Largest message in JSON, bytes: decoded it takes some thirty times as much.
 pub(super) const MAX_JSON: usize = 8 << 20;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::RobotError;
 
-/// Most topics of a recording.
+/// Max number of topics of a recording.
 pub const MAX_TOPICS: usize = 64;
 /// Longest name, bytes.
 const LONGEST: usize = 200;

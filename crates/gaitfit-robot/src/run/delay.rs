@@ -9,11 +9,11 @@ use crate::command::Command;
 use crate::guard::Limits;
 use crate::state::RobotState;
 
-/// Most moments that are kept: half a minute at 500 Hz.
+/// Max number of moments that are kept: half a minute at 500 Hz.
 const MAX_SAMPLES: usize = 15_000;
 /// Delays that are tried, ms.
 const DELAYS: u64 = 60;
-/// Fewest states for an answer.
+/// Min number of states for an answer.
 const FEWEST: usize = 200;
 
 /// Commands and states, in the order of time.

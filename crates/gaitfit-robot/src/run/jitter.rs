@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-/// Most times that are kept: more than half an hour at 500 Hz.
+/// Max number of times that are kept: more than half an hour at 500 Hz.
 const MAX_SAMPLES: usize = 1 << 20;
 
 /// Lateness of each turn of a loop, µs.

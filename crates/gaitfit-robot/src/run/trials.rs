@@ -12,7 +12,7 @@ pub const COMMAND: f64 = 4.0;
 pub const SPEEDS: [f32; 3] = [1.0, 1.0, 0.3925];
 /// Names of a trial's directions: ahead, to the left, turning to the left, each and its opposite.
 pub const DIRECTIONS: [[&str; 2]; 3] = [["+x", "-x"], ["+y", "-y"], ["+yaw", "-yaw"]];
-/// Most repetitions.
+/// Max number of repetitions.
 const MAX_REPEATS: usize = 50;
 
 /// A trial.

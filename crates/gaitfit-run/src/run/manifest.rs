@@ -47,7 +47,7 @@ pub fn write(
     folder.write_json(MANIFEST, &manifest)
 }
 
-/// What a manifest says of the inputs.
+/// Part of a manifest that has the inputs.
 #[derive(Deserialize)]
 struct Saved {
     inputs: Inputs,

@@ -11,31 +11,31 @@ use super::series::{Corners, Series};
 const BARS: f64 = 420.0;
 const LINE: f64 = 20.0;
 const TITLE: f64 = 30.0;
-/// Most characters of a name and of a value's text.
+/// Max number of characters of a name and of a value's text.
 const NAME: usize = 56;
 const TEXT: usize = 40;
 
 /// One bar from zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// What stands to its left.
+    /// Text to its left.
     pub name: String,
     /// Its length; NaN: none.
     pub value: f64,
     /// Half-width of the interval drawn over it; NaN: none.
     pub half_width: f64,
-    /// What stands to its right.
+    /// Text to its right.
     pub text: String,
-    /// How it looks.
+    /// Look of the bar.
     pub look: Look,
 }
 
 /// Bars of one unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BarGroup {
-    /// What they show, with the unit.
+    /// Quantity of the bars, with the unit.
     pub title: String,
-    /// From top to bottom.
+    /// Bars from top to bottom.
     pub bars: Vec<Bar>,
 }
 

@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// Ends of the axis, percent of the width; the margin keeps dots and labels whole.
 const ENDS: (f64, f64) = (3.0, 97.0);
 
-/// What one row shows, all in one unit; numbers that are not finite are not drawn.
+/// Numbers of one row, all in one unit; numbers that are not finite are not drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
     /// Search bounds.
@@ -32,7 +32,7 @@ pub(crate) struct Mark {
     pub spread: f64,
     /// Values of single runs, drawn as short strokes.
     pub runs: Vec<f64>,
-    /// How it looks.
+    /// Look of the mark.
     pub look: Look,
 }
 

@@ -1,4 +1,4 @@
-//! From data to positions on the page, and round tick values.
+//! Scales from data to positions on the page, and round tick values.
 
 use crate::format;
 

@@ -4,7 +4,7 @@ use super::JointTrace;
 use crate::chart::{Axis, Figure, Frame, Look, Plot, Series, extent};
 use std::ops::Range;
 
-/// How large a joint is drawn.
+/// Size of a joint's drawing.
 pub(crate) struct Size {
     pub width: f64,
     pub height: f64,

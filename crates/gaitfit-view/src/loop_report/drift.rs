@@ -12,7 +12,7 @@ use serde::Serialize;
 /// Policies side by side at most.
 const MAX_POLICIES: usize = 6;
 
-/// What happened on one simulator.
+/// Drift on one simulator.
 #[derive(Serialize)]
 pub(super) struct DriftSection {
     simulator: String,

@@ -1,4 +1,4 @@
-//! Which policies and simulators a report speaks of, in which order and colour.
+//! Policies and simulators of a report, with their order and colours.
 
 use super::LoopReport;
 use crate::format::clean;

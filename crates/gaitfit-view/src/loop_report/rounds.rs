@@ -40,7 +40,7 @@ pub(super) struct RoundSection {
     legend: Vec<LegendEntry>,
 }
 
-/// What the round is called.
+/// Returns the name of the round.
 fn title(round: &Round, index: usize) -> String {
     if round.name.is_empty() { format!("Round {}", index + 1) } else { clean(&round.name) }
 }

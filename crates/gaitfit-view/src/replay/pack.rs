@@ -93,7 +93,7 @@ struct PackedGeom {
     quaternion: [f64; 4],
     /// −1 if it is no foot.
     foot: i64,
-    /// Of a mesh, which of the page's.
+    /// Number of a mesh among the page's.
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<usize>,
 }

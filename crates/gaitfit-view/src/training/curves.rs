@@ -109,7 +109,7 @@ struct Mean {
     high: Vec<f64>,
 }
 
-/// Of the seeds that have an iteration and have not stopped before.
+/// Computes the mean over the seeds that have an iteration and have not stopped before.
 fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> Mean {
     let mut points: Vec<(f64, f64)> = tracks
         .iter()
