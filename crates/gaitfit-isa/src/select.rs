@@ -8,6 +8,7 @@ use crate::{Isa, IsaError};
 /// Name of the variable that chooses the set.
 pub const VARIABLE: &str = "GAITFIT_ISA";
 
+/// The set of the program, or why there is none: chosen once, because results of two sets may differ in the last bits.
 static SELECTED: OnceLock<Result<Isa, IsaError>> = OnceLock::new();
 
 thread_local! {

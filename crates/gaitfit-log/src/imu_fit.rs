@@ -14,8 +14,9 @@ use gaitfit_model::rotation::{Quat, Vec3, inverse, normalize, product, quat_of};
 
 /// Length of a span, s: long against the noise of attitude filters, short against a step.
 const SPAN_S: f64 = 0.04;
-/// Min number of spans that say something, and shortest log, s.
+/// Min number of spans that say something.
 const ENOUGH: usize = 40;
+/// Length of the shortest log that says something, s.
 const MIN_S: f64 = 0.8;
 /// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
 const MOVES: f64 = 0.1;

@@ -222,8 +222,9 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
     ]
 }
 
-/// Places of roll, pitch, yaw and of the body rates among the channels.
+/// Place of roll, pitch and yaw in the list of [`channels`].
 const ANGLES: usize = 8;
+/// Place of the body rates in that list.
 const RATES: usize = 10;
 
 /// Content of the rows of a file.

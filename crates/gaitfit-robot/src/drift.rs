@@ -12,13 +12,15 @@ use crate::run::{COMMAND, DIRECTIONS, Trial};
 const FURTHEST: f64 = 30.0;
 /// Furthest that it may have turned, rad: a little more than a whole turn. What is beyond is likely degrees.
 const MAX_TURNED: f64 = 7.0;
-/// Columns that a form must have, and those that say where the robot ended, with their factor to m and rad.
+/// Columns that a form must have.
 const NEEDED: [&str; 6] = ["trial", "direction", "vx", "vy", "wz", "seconds"];
+/// Columns that say where the robot ended, each in two units, with the factor to m or rad.
 const ENDS: [[(&str, f64); 2]; 3] = [
     [("x_m", 1.0), ("x_cm", 0.01)],
     [("y_m", 1.0), ("y_cm", 0.01)],
     [("heading_deg", std::f64::consts::PI / 180.0), ("heading_rad", 1.0)],
 ];
+/// Columns that a form may have.
 const OTHERS: [&str; 2] = ["fell", "note"];
 /// Largest form, bytes: hundreds of trials with long notes.
 const MAX_BYTES: u64 = 1 << 20;

@@ -12,8 +12,9 @@ use std::path::Path;
 const VERSION: &str = "brain.Event:2";
 /// Largest record; scalars need far less.
 const MAX_BYTES: u64 = 16 << 20;
-/// Bytes of a record besides its payload: before it, and after it.
+/// Bytes of a record before its payload: the length and its checksum.
 const HEAD: u64 = 12;
+/// Bytes of a record after its payload: the payload's checksum.
 const TAIL: u64 = 4;
 
 #[derive(Clone, PartialEq, Message)]

@@ -11,8 +11,9 @@ use serde::Serialize;
 const JOINTS: usize = 64;
 /// Points of a line at most.
 const POINTS: usize = 480;
-/// Size of a panel and height of the heading, user units.
+/// Size of a panel, user units.
 const PANEL: (f64, f64) = (400.0, 176.0);
+/// Height of the heading, user units.
 const HEADING: f64 = 54.0;
 
 /// Content of the picture. Names are untrusted; positions are in rad, times in s.

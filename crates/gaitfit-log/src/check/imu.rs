@@ -11,22 +11,25 @@ use gaitfit_model::rotation::{Vec3, from_rpy};
 
 /// Bias, rad/s, that is worth a word: gyroscopes of walking robots stay below 0.017 of their filters' orientation.
 const BIAS: f64 = 0.0175;
-/// Lag, s, that is worth a word, and that must not be: healthy walks show up to 1.1 ms.
+/// Lag of the rates that is worth a word, s: healthy walks show up to 1.1 ms.
 const LAG: f64 = 0.0025;
+/// Lag that is an error, s.
 const LONG_LAG: f64 = 0.012;
 /// Standard errors that a bias or a lag must exceed.
 const SURE: f64 = 3.0;
 /// RMS turning, rad/s, of an orientation that is not read.
 const STILL: f64 = 1e-6;
-/// RMS rate, rad/s, and change of the vertical, rad, of a base that does not move. A slow walk has 0.19.
+/// RMS rate of a base that does not move, rad/s. A slow walk has 0.19.
 const STILL_RATE: f64 = 0.03;
+/// Change of the vertical of a base that does not move, rad.
 const STILL_TILT: f64 = 0.02;
 /// Deviation of a joint, rad, that swings a leg.
 const SWINGS: f64 = 0.05;
 /// Command norm (m/s and rad/s together) that asks for walking.
 const COMMANDED: f64 = 0.1;
-/// Length of the mean direction of gravity, and cosine of its angle to an axis (30°), of a unit mounted turned.
+/// Length of the mean direction of gravity of a unit that is mounted turned: a robot that tumbles has less.
 const STEADY: f64 = 0.9;
+/// Cosine of the angle between that direction and an axis: 30°.
 const ALONG: f64 = 0.87;
 /// Mean turning of the vertical, rad/s, of a base on legs that walk: one that lies does not turn.
 const SWAYS: f64 = 0.05;

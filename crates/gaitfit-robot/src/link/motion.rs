@@ -12,7 +12,9 @@ use super::dds::{Dds, failed, qos};
 use crate::RobotError;
 use crate::unitree::rpc::{Identity, Request, RequestHeader, Response};
 
+/// Topic and type of requests to the vendor's motion switcher.
 const REQUEST: (&str, &str) = ("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_");
+/// Topic and type of its answers.
 const RESPONSE: (&str, &str) = ("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_");
 /// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is
 /// released. Both numbers are those of the vendor's SDK.

@@ -18,9 +18,9 @@ use crate::link::{Dds, failed};
 
 /// Messages of a topic that DDS keeps for us.
 const DEPTH: i32 = 256;
-/// Messages and bytes that wait at most; later ones are lost and counted. 20,000 messages are 40 s of a topic at 500
-/// Hz.
+/// Max number of messages that wait, 40 s of a topic at 500 Hz; later ones are lost and counted.
 const MAX_WAITING: usize = 20_000;
+/// Max number of bytes that wait; later messages are lost and counted.
 const MAX_BYTES: usize = 64 << 20;
 
 /// A message whose encoding or length is refused.

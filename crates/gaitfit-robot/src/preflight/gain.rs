@@ -19,8 +19,9 @@ const REPORTED: f64 = 0.01;
 const POSSIBLE: f64 = 2.0;
 /// Squared errors that sampling alone leaves, as a part of the squares of the torque about its mean.
 const FLOOR: f64 = 1e-5;
-/// Step of ages and delays, in rows and in s.
+/// Step of ages and delays, in rows.
 const PART: f64 = 0.125;
+/// Step of ages and delays, s: finer than a row, as an age may be a part of the time between two messages.
 const STEP: f64 = PART * DT;
 
 /// Results of a reported torque.

@@ -7,15 +7,17 @@ use super::statistics::{Measured, deviation, mean, mean_of_blocks};
 use super::turned::{angle, mean_attitude, orientation, roll_pitch_yaw, turn_between};
 use super::{Check, Finding, Heard};
 
-/// Gravity, m/s². If the mean length of the accelerometer's readings is off by more, it is a warning, and then a fault.
+/// Gravity, m/s².
 const GRAVITY: f64 = 9.81;
+/// Difference of the mean length of the accelerometer's readings from gravity: a warning, and a fault, m/s².
 const OFF: [f64; 2] = [0.3, 0.8];
 /// Bias of the gyro that is a warning, and one that is a fault, rad/s: 0.01 rad/s adds up to 34° in a minute.
 const BIAS: [f64; 2] = [0.01, 0.02];
 /// Angle between orientation and accelerometer that is a fault, degrees.
 const APART: f64 = 5.0;
-/// From this angle on another order of the quaternion is tried, degrees. The other order must reduce the angle to this part.
+/// Angle between orientation and accelerometer from which on another order of the quaternion is tried, degrees.
 const TRIED: f64 = 2.0;
+/// Part to which the other order must reduce the angle.
 const SMALLER: f64 = 0.3;
 /// A robot that hangs leans less than this, degrees.
 const LEANS: f64 = 20.0;

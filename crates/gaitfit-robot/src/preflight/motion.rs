@@ -16,21 +16,22 @@ use super::turned::mean_attitude;
 use super::{Check, Finding};
 use crate::robot::Robot;
 
-/// A joint that moves by less than the first part of the commanded motion does not move. Another joint that moves by more than
-/// the second part moves instead of it.
+/// A joint that moves by less than this part of the commanded motion does not move.
 const HARDLY: f64 = 0.25;
+/// Another joint that moves by more than this part of the commanded motion moves instead of it.
 const INSTEAD: f64 = 0.5;
-/// Change of the angle over that of the target, 1 for a joint that follows: below the first the sign is wrong, above
-/// the second the joint moves too far.
+/// Change of the angle over that of the target, 1 for a joint that follows, below which the sign is wrong.
 const OPPOSITE: f64 = -0.3;
+/// The same ratio, above which the joint moves too far.
 const TOO_FAR: f64 = 1.4;
 /// A joint moves too little if it moves by less than this part of what friction allows.
 const TOO_LITTLE: f64 = 0.5;
 /// Reported torque over commanded torque. It is a fault if no possible ratio is in the first range, a warning if none is in the
 /// second.
 const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.9, 1.1]];
-/// A zero is a fault if it is off by more than this, rad, and by more than so many of its standard errors.
+/// A zero is a fault if it is off by more than this, rad.
 const ZERO: f64 = 0.1;
+/// It must also be off by more than this number of its standard errors.
 const SURE: f64 = 2.5;
 /// A zero is judged if its standard error is below this, rad. Light links, such as a calf, weigh too little to show
 /// it.

@@ -35,24 +35,32 @@ pub enum Stage {
 const SOFT: f32 = 0.5;
 /// Time in which the gains grow, s.
 const SOFTEN: f64 = 1.5;
-/// Speed of approach and return, rad/s, and their least time, s.
+/// Mean speed of the joint that has the longest way in approach and return, rad/s.
 const SPEED: f64 = 0.4;
+/// Min time of approach and return, s, for joints that are in the hanging pose already.
 const LEAST: f64 = 1.5;
 /// Time at rest before the joints move, s.
 const HOLD: f64 = 0.7;
-/// Largest motion of a joint about its pose, rad, and how far targets stay from the ends of its range, rad.
+/// Largest motion of a joint about its pose, rad.
 pub(super) const AMPLITUDE: f64 = 0.1;
+/// Distance of targets from the ends of a joint's range, rad: a reading may be off by as much.
 const ROOM: f64 = 0.03;
-/// A joint's own motion: up and back, down and back, each so long, s; then a quick one, in parts of the first.
+/// Time of the first half of a joint's own motion, up and back, and of the second, down and back, s. The amount is
+/// judged from these halves alone.
 pub(super) const SLOW: f64 = 0.9;
+/// Time of the quick motion after them, s.
 const QUICK: f64 = 0.8;
+/// Frequency of the quick motion, Hz.
 const QUICK_HZ: f64 = 4.0;
+/// Size of the quick motion, in parts of the slow one.
 const QUICK_PART: f64 = 0.7;
-/// All joints together: so long, s, from one frequency to another, Hz, in parts of the amplitude.
+/// Time in which all joints move together, s.
 const EXCITE: f64 = 8.0;
+/// Frequency of that motion at its beginning and at its end, Hz.
 const SWEEP: [f64; 2] = [0.3, 3.0];
+/// Size of that motion, in parts of a joint's amplitude.
 const EXCITE_PART: f64 = 0.8;
-/// Fade at both ends, s.
+/// Time in which that motion grows at its beginning and fades at its end, s.
 const FADE: f64 = 0.5;
 
 /// The targets of the joints over time.

@@ -13,13 +13,15 @@ use super::gain::{Reported, reported};
 use super::log::{DT, Row, SampledStates};
 use super::statistics::{Measured, least_squares, mean, slope, span};
 
-/// Samples of a bump, 30 ms, and between two bumps.
+/// Samples of a bump: 30 ms.
 pub(super) const LENGTH: usize = 15;
+/// Samples from one bump to the next.
 pub(super) const STRIDE: usize = 3;
 /// Min number of bumps.
 const FEWEST: usize = 30;
-/// Longest delay that is tried, in steps of half a row.
+/// Longest delay that is tried, in steps of [`DELAY_STEP`]: 60 ms.
 pub(super) const DELAYS: usize = 60;
+/// Step of the delays that are tried, s: half a row.
 pub(super) const DELAY_STEP: f64 = 0.5 * DT;
 /// Slowest motion that counts, rad/s.
 const SLOWEST: f64 = 0.1;

@@ -10,8 +10,9 @@ use super::turned::{orientation, turn_between};
 
 /// A turn counts if it is at least this large and is held still, rad: the 20° that the person is asked for.
 const ENOUGH: f64 = 0.35;
-/// Still means slower than this, rad/s, for this long.
+/// Rate below which the robot counts as still, rad/s: a person holds it.
 const STILL: f64 = 0.25;
+/// Time for which it must be still.
 const HELD: Duration = Duration::from_millis(400);
 /// How long a person has for each turn.
 const PATIENCE: Duration = Duration::from_secs(30);

@@ -8,6 +8,7 @@ use crate::run::{RunFolder, latest_path};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// Name of the file.
 const MANIFEST: &str = "manifest.json";
 
 #[derive(Serialize)]

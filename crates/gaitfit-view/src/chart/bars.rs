@@ -7,12 +7,15 @@ use super::plot::Plot;
 use super::scale;
 use super::series::{Corners, Series};
 
-/// Width of the longest bar, height of a bar's line and of a group's title, user units.
+/// Width of the longest bar, user units.
 const BARS: f64 = 420.0;
+/// Height of a bar's line, user units.
 const LINE: f64 = 20.0;
+/// Height of a group's title, user units.
 const TITLE: f64 = 30.0;
-/// Max number of characters of a name and of a value's text.
+/// Max number of characters of a name.
 const NAME: usize = 56;
+/// Max number of characters of a value's text.
 const TEXT: usize = 40;
 
 /// One bar from zero.

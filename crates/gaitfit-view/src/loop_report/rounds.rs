@@ -10,8 +10,9 @@ use crate::format::{UNKNOWN, clean, duration, grouped, significant};
 use crate::training::curves::{self, Card, LegendEntry, MAX_SEEDS};
 use serde::Serialize;
 
-/// Rounds shown in full at most, the last ones; and in the table.
+/// Max number of rounds that are shown in full: the last ones.
 const MAX_ROUNDS: usize = 6;
+/// Max number of rounds in the table.
 const MAX_LINES: usize = 100;
 
 /// A line of the table of rounds.

@@ -8,8 +8,9 @@ const ROBOTS: usize = 8;
 const PARTS: usize = 1000;
 /// Frames of a robot at most: twenty minutes at 50 Hz.
 const FRAMES: usize = 60_000;
-/// Meshes and triangles of a robot at most.
+/// Max number of meshes of a robot.
 const MESHES: usize = 256;
+/// Max number of triangles of a robot.
 const TRIANGLES: usize = 20_000;
 /// Heights of the ground at most.
 const HEIGHTS: usize = 250_000;

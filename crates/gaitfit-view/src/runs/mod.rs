@@ -9,11 +9,15 @@ use crate::page::{self, ShownLink};
 use crate::{Link, ReportError};
 use serde::Serialize;
 
-/// Runs listed, fits compared, parameters and trainings drawn at most: as many colours as there are, and no page without end.
+/// Max number of runs in the list, so that the page has an end.
 const MAX_RUNS: usize = 500;
+/// Max number of fits that are compared: as many as there are colours.
 const MAX_FITS: usize = 8;
+/// Max number of parameters that are drawn.
 const MAX_PARAMETERS: usize = 200;
+/// Max number of trainings that are drawn: as many as there are colours.
 const MAX_TRAININGS: usize = 8;
+/// Max number of charts of learning curves.
 const MAX_CHARTS: usize = 12;
 
 /// Content of the page. Names are untrusted.
