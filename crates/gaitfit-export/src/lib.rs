@@ -96,6 +96,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
         (None, Some(fit)) => fit.robot(settings)?,
         (None, None) => None,
     };
+    // The model as the file has it, not as a fit holds the base: only its numbers are changed.
     let (model, text, is_urdf) = match &fitted {
         None => (robot::go2()?, builtin::GO2.to_owned(), false),
         Some((path, lenient)) => {

@@ -149,6 +149,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
     let state = &tables[base];
     let mut joined = Joined::default();
     let Common { from, to, placed } = Common::new(&tables, base, &mut joined)?;
+    // Only the time that all streams cover.
     let begin = state.time.partition_point(|time| *time < from - SAME);
     let end = state.time.partition_point(|time| *time <= to + SAME);
     if begin >= end {

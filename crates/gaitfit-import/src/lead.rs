@@ -59,6 +59,7 @@ pub(crate) fn place(state: &[f64], table: &Table, is_held: impl Fn(&str) -> bool
         return Placed { rows: last_before(state, table, &new), lead: None, faster: true };
     }
     let wrap = if table.slack > 0.0 { BEFORE_INEXACT } else { BEFORE };
+    // 1. The usual lead of the stream; 2. each message goes to the row from which it has about this lead.
     let usual = usual(state, table, &new, step, wrap);
     let mut rows: Vec<Option<usize>> = vec![None; state.len()];
     let mut leads = Vec::with_capacity(new.len());

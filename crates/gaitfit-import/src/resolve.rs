@@ -219,6 +219,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let numbers: Vec<(bool, usize)> =
         source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
+    // How many motors (of Unitree's messages) or joints are numbered.
     let slots =
         |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
     let given: Option<Vec<String>> = mapping.joints.clone().or_else(|| source.joints.clone());

@@ -126,6 +126,8 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     if rms[0].min(rms[1]) < MOVES && rms[0].max(rms[1]) < FIVE_TIMES * MOVES {
         return None;
     }
+    // All orders, frames, units and signs; turned axes only with the named order and frame, as more combinations would
+    // fit by chance.
     let as_named = moments.unexplained(&named);
     let mut readings: Vec<(Reading, f64)> = Vec::new();
     for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
@@ -152,6 +154,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     }
     readings.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (reading, left) = *readings.first()?;
+    // Another reading counts only if the named one does not fit and the other one clearly does.
     let improves = reading != named && as_named > FITS && left < BETTER * as_named && left < APART * BETTER;
     // A base that keeps its heading at 0 has the same rates in both frames, and either reading is right; negated, the other
     // frame means an orientation that is the inverse of what it should be.

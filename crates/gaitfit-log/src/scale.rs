@@ -145,6 +145,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
     let roughness = if squared > 0.0 { (steps_squared / squared).min(MAX_ROUGH) } else { 0.0 };
     let scale = Scale {
         correlation,
+        // The geometric mean of both regressions.
         factor: deviation(&integrals) / deviation(&changes),
         error: ((1.0 - correlation * correlation).max(0.0) / independent).sqrt(),
         tolerance: TOLERANCE.max(if typical >= SLOW_S { SLOW } else { 0.0 }).max(1.0 + SAMPLING * roughness),

@@ -205,6 +205,7 @@ impl LagSums {
                     - log.known_lag() * change;
                 let bend = (q(sample + 2) - q(sample + 1)) / (time(sample + 2) - time(sample + 1))
                     - (q(sample) - q(sample - 1)) / (time(sample) - time(sample - 1));
+                // Instrument: the change of slopes, whose noise is that of other samples.
                 self.ratio.add(number, time(sample) - time(0), missing * bend, change * bend);
                 if missing.is_finite() && change.is_finite() {
                     let products = [missing * missing, missing * change, change * change];

@@ -104,6 +104,7 @@ pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) 
     // Text may have rounded single precision again.
     let single: Vec<f64> = time.iter().map(|time| f64::from(*time as f32)).collect();
     let time = if coarse.single_precision { &single[..] } else { time };
+    // 1. Stamps within a tick of an even grid: the rows were even, and none is lost.
     if let Some((times, rate)) = even(time, coarse.tick_s, rate_hz) {
         let off_s = farthest(time, &times);
         return Stamps::Even(times, EvenRows { coarse, rate_hz: rate, lost: 0, off_s });
@@ -115,6 +116,7 @@ pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) 
     let Some(rate) = rate_hz else {
         return Stamps::Lost(coarse, "Where the rows were does not follow from them".to_owned());
     };
+    // 2. With the stated rate, lost rows are found too.
     match at_rate(time, coarse.tick_s, rate) {
         Ok((times, lost)) => {
             let off_s = farthest(time, &times);
@@ -255,6 +257,7 @@ fn at_rate(time: &[f64], tick: f64, rate: f64) -> Result<(Vec<f64>, usize), Stri
         let offset = at - (row + missing) as f64 * step;
         let recent = &off[off.len().saturating_sub(WINDOW)..];
         let low = recent.iter().copied().fold(f64::INFINITY, f64::min);
+        // A row that is later than a tick allows, by the earliest of its neighbours, follows lost rows.
         let late = offset - (low + wide);
         let lost = if late > 0.0 { (late / step).ceil() } else { 0.0 };
         missing = missing.saturating_add(lost as usize);

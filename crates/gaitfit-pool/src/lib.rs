@@ -45,6 +45,7 @@ fn share_on<W: Send, J: Send>(
     jobs: impl Iterator<Item = J> + Send,
     work: impl Fn(&mut W, J) + Sync,
 ) {
+    // Work within work gets the threads of its job, not all of the machine.
     let threads = threads.min(WIDTH.get());
     let used = workers.len().min(threads.max(1));
     let width = threads.div_ceil(used.max(1));

@@ -229,6 +229,7 @@ impl<'a> Messages<'a> {
             () if unitree("unitree_go/") => Some(&UNITREE_GO),
             () => None,
         };
+        // All streams onto the clock of the joints' positions, with the time of their first sample as 0.
         let clocks: Vec<Clock> = read.iter().map(Clock::from_stream).collect();
         let state =
             read.iter().position(|stream| stream.sparse.columns.keys().any(|name| name.starts_with("q_")));

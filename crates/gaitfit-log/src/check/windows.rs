@@ -176,6 +176,7 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
                 Wish::Action(action.iter().map(|action| ACTION_SCALE * action).collect())
             })
         });
+        // Filtered once over the whole log: a filter that began anew in each window would need time to settle.
         let filtered: Vec<Vec<f64>> =
             wish.iter().flat_map(|wish| FILTERS_S.map(|time| low_pass(wish.values(), time * rate))).collect();
         for window in &mut windows {

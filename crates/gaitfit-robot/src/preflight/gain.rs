@@ -54,6 +54,7 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     let smooth = Smooth::new(rows, window, motor, steps(longest));
     let average = mean(&smooth.torque);
     let total: f64 = smooth.torque.iter().map(|x| (x - average).powi(2)).sum();
+    // All ages up to the time between two messages, with all delays; errors in one side, and in both.
     let pairs = (0..=steps(message)).flat_map(|age| (0..=steps(longest)).map(move |delay| (age, delay)));
     let (alone, both): (Vec<Tried>, Vec<Tried>) = pairs.map(|(age, delay)| smooth.fit(age, delay)).unzip();
     let (kept, both) = (possible(&alone, FLOOR * total), possible(&both, FLOOR * total));
@@ -63,6 +64,7 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     let best = kept.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
     let of_best: Vec<f64> = alone.iter().filter(|one| one.age == best.age).map(|one| one.left).collect();
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
+    // Between the steps the delay follows from the squares beside the best.
     let fine = least(&of_best, best.delay, smooth.torque.len(), overlap);
     let spread = 0.5 * span(fits().map(|one| one.delay as f64));
     let delay = Measured { value: STEP * fine.value - HELD, error: STEP * fine.error.max(spread) };

@@ -178,6 +178,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
     // Without an accelerometer there is nothing to compare with, so no check below may fail.
     let apart = |q: Quat| if weightless { 0.0 } else { angle(up(q), pull).to_degrees() };
     let [stated, other] = [attitude, reordered(attitude)].map(apart);
+    // 1. The order of the components: another order fits clearly better.
     let swapped = !weightless && stated > TRIED && other < APART.min(SMALLER * stated);
     if swapped {
         findings.push(Finding::fault(
@@ -190,6 +191,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         ));
         return;
     }
+    // 2. The frame: orientation and accelerometer disagree.
     if !weightless && stated > APART {
         let level = angle(up(attitude), [0.0, 0.0, 1.0]).to_degrees() < LEANS;
         let opposite = angle(up(attitude), pull.map(|x| -x)).to_degrees() < APART;
@@ -212,6 +214,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         ));
         return;
     }
+    // 3. The mounting: both agree that another axis is up.
     let leans = angle(up(attitude), [0.0, 0.0, 1.0]).to_degrees();
     let [roll, pitch, yaw] = roll_pitch_yaw(attitude).map(f64::to_degrees);
     // The heading is unknown: only the vertical shows how the unit is mounted.

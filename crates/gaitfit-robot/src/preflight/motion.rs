@@ -116,11 +116,13 @@ pub fn moved(
     let (mut joints, mut mass_factor) = (Vec::new(), None);
     if let Some(plan) = &flown.plan {
         let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
+        // Joint by joint: what its motion shows, and what it carries.
         let motions = plan.order().iter().filter_map(|&motor| {
             let (one, carried) = joint(sampled, robot, plan, motor, model.zip(vertical))?;
             Some((one, carried, f64::from(plan.kp()[motor])))
         });
         let motions: Vec<_> = motions.collect();
+        // A wrong total mass would look like wrong zeros of all joints, so it is removed before zeros are judged.
         mass_factor = heavier(motions.iter().filter_map(|(_, carried, _)| carried.as_ref()));
         for (mut one, carried, kp) in motions {
             if let (Some(carried), Some(factor)) = (carried, mass_factor) {
@@ -132,6 +134,7 @@ pub fn moved(
     }
     let delay = together(joints.iter().filter_map(|one| one.delay));
     let torque_delay = together(joints.iter().filter_map(|one| one.torque_delay));
+    // The motion shows when torque acts; reported torques may be late themselves.
     if let Some(delay) = delay.or(torque_delay) {
         judge_delay(delay, &mut findings);
     }

@@ -73,6 +73,7 @@ pub(super) fn response(
     if span(angles.iter().copied()) < 0.01 {
         return None;
     }
+    // The reported torque is the fallback for the delay where friction hides the inertia.
     let torque = reported(rows, window.clone(), motor, sampled.message);
     let otherwise = torque.map_or(0.0, |torque| torque.delay.value);
     let equation = equation(rows, window.clone(), motor, mean(&angles), otherwise);
@@ -115,6 +116,7 @@ fn equation(
     centre: f64,
     otherwise: f64,
 ) -> Option<Equation> {
+    // For each delay the equation is linear in its five coefficients: the delay with the least squares is taken.
     let all: Vec<_> =
         (0..=DELAYS).map(|delay| equations(rows, window.clone(), motor, centre, delay)).collect();
     let count = all[0].len();
@@ -146,6 +148,7 @@ fn equation(
         let (delay, inertia) = (Some(seconds(delay)), Some(inertia));
         return Some(Equation { delay, inertia, damping, friction, weight });
     }
+    // Without a delay of its own the joint gets the one that its torque shows.
     let [_, damping, friction, weight] = solved(((otherwise + HELD) / DELAY_STEP).round().max(0.0) as usize)?;
     Some(Equation { delay: None, inertia: None, damping, friction, weight })
 }
@@ -178,6 +181,7 @@ fn equations(
         let (mut row, mut right) = ([0.0; 5], 0.0);
         let velocity = |k: usize| f64::from(rows[begin + k].state.dq[motor]);
         let sign = velocity(0).signum();
+        // Within a bump the joint moves one way: there friction is a constant.
         if (0..LENGTH).any(|k| sign * velocity(k) < SLOWEST) {
             begin += STRIDE;
             continue;
@@ -191,6 +195,7 @@ fn equations(
             let bent = -6.0 * x * (1.0 - x * x).powi(2) / half;
             let state = &rows[at].state;
             let (q, dq) = (f64::from(state.q[motor]), f64::from(state.dq[motor]));
+            // Inertia (by parts), viscous friction, dry friction, weight, and its change with the angle.
             row[0] -= DT * bent * dq;
             row[1] += DT * bump * dq;
             row[2] += DT * bump * sign;

@@ -77,6 +77,7 @@ pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Findi
     for one in &reports {
         judge_gyro(one, &mut findings);
     }
+    // All turns about other axes than asked for: together they tell how the unit is mounted.
     let off = |one: &&TiltReport| angle(one.turn, one.motion.axis()).to_degrees() > OFF_AXIS;
     let wrong: Vec<&TiltReport> = reports.iter().filter(off).collect();
     let read = |motion: Motion| reports.iter().find(|one| one.motion == motion).map(|one| one.turn);

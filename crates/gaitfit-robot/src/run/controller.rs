@@ -114,6 +114,7 @@ impl<'a> Controller<'a> {
                 self.recorder.begin(number)?;
             }
         }
+        // Observe, act, and give motors that the policy does not move their standing angles.
         self.sense(&state, command);
         let (action, targets) = self.pilot.step(&mut self.sensed);
         let mut of_motors = self.standing;

@@ -64,6 +64,7 @@ impl Trace {
             let mut next = 0;
             let mut sum = 0.0;
             for (came, state) in &states {
+                // The last command that had arrived by then; both lists rise, so one pass is enough.
                 while self.commands.get(next + 1).is_some_and(|(sent, _)| *sent + delay <= *came) {
                     next += 1;
                 }

@@ -209,6 +209,7 @@ fn control(
     let refused = |reason| Err(RobotError::NotArmed(reason));
     let mut heard = None;
     loop {
+        // First a good state, and then a second of listening: another controller would show.
         sleep(Duration::from_millis(10));
         let (state, reason, now) = {
             let board = lock(board);

@@ -166,6 +166,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// # Errors
     /// Files that cannot be written.
     pub fn finish<R: Serialize>(&self, begun: &str, results: R) -> Result<R, Error> {
+        // The manifest first: a folder with a result has everything.
         manifest::write(self.folder, &self.seeds, &self.devices, &self.inputs, begun, Some(now()))?;
         let file = ResultFile { inputs: self.inputs.clone(), asked: self.asked.clone(), results };
         self.folder.write_json(RESULT, &file)?;

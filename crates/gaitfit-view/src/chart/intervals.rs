@@ -39,6 +39,7 @@ pub(crate) struct Mark {
 /// The axis that holds what matters of the rows: values, spreads, truths and published ranges always; starts, bounds
 /// and profile intervals when they are near enough not to squeeze the values.
 pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
+    // Values that must be on the axis; then those that may be, if they are near.
     let core = rows.iter().flat_map(|r| {
         let marks = r.marks.iter().flat_map(|m| {
             let spread = if m.spread.is_finite() { m.spread } else { 0.0 };

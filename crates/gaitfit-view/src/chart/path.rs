@@ -26,6 +26,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
     for bucket in 0..buckets {
         let (from, to) = (bucket * y.len() / buckets, (bucket + 1) * y.len() / buckets);
         let finite = || (from..to).filter(|i| y[*i].is_finite());
+        // Lowest and highest of each stretch, as a line of pixels covers no more.
         let low = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
         let high = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
         match (low, high) {
