@@ -114,7 +114,7 @@ impl<W: Write> LiveMcap<W> {
     /// # Errors
     /// What `sink` refuses.
     pub fn live(sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
-        // A chunk is complete only at its end, and seeking would rewrite the beginning.
+        // A chunk can be read only when it is whole, and a sink that is appended to cannot seek.
         let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true);
         Self::begin(options, NoSeek::new(sink), head)
     }

@@ -86,7 +86,6 @@ fn dynamic_joint_state(message: &Value, joints: Role, out: &mut Columns) {
 fn trajectory(message: &Value, out: &mut Columns) {
     let names = message.get(&["joint_names"]).and_then(Value::words);
     let points = message.get(&["points"]).and_then(Value::items);
-    // Where a controller streams targets, later points are a preview that the next message replaces.
     let (Some(names), Some([point, ..])) = (names, points) else { return };
     let values = point.get(&["positions"]).and_then(Value::numbers).unwrap_or_default();
     if values.len() == names.len() {

@@ -20,7 +20,7 @@ use crate::unitree::Remote;
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
-/// Max number of physics steps to catch up with in one call; a caller that was away longer finds the robot where it was.
+/// Max number of physics steps to catch up with in a call; a caller that was away longer finds the robot where it was.
 const MAX_STEPS: u64 = 200;
 /// Gravity, m/s².
 const GRAVITY: f32 = 9.81;
