@@ -1,4 +1,4 @@
-//! What a theta.toml or a command line may not say, lest other simulators take it.
+//! Checks of a theta.toml and a command line: other simulators would take wrong numbers in silence.
 
 use super::joint::JointNumbers;
 use gaitfit_adapt::{RobotNumber, SavedParameter, ThetaFile};

@@ -43,6 +43,7 @@ pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
             1e3 * step,
             1e3 * farthest,
             if joints.iter().all(|joint| joint.delay == farthest) { "" } else { " (joints differ)" },
+            // The longest step up to the present one that divides the delay, in whole µs.
             shown_number((1e6 * farthest / (farthest / step).ceil().max(1.0)).round() / 1e6)
         )
     })

@@ -1,4 +1,4 @@
-//! What the fit that wrote the parameters knows: its `config.toml` lies beside them.
+//! Settings of the fit that wrote the parameters: its `config.toml` lies beside them.
 
 use super::ExportSettings;
 use gaitfit_log::{Gains, ReadOptions, csv_files, read_csv};
@@ -44,10 +44,11 @@ impl Fit {
     /// The gains of the robot's joints, and where they are stated: in the first log, in the configuration, or by the policy.
     /// Absent where none of them can be read any more.
     pub fn gains(&self, model: &Model) -> Option<(Gains, String)> {
+        // A source that cannot be read is no error here: files of a fit move, and the next source is as good.
         self.of_log(model).or_else(|| self.of_config(model)).or_else(|| self.of_policy(model))
     }
 
-    /// Those that the first log states.
+    /// Returns the gains that the first log states.
     fn of_log(&self, model: &Model) -> Option<(Gains, String)> {
         let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
         let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
@@ -61,7 +62,7 @@ impl Fit {
         Some((spread(&log.gains?, &wanted, model), format!("the log {}", shown_path(&file))))
     }
 
-    /// Those of `[gains]`.
+    /// Returns the gains of `[gains]`.
     fn of_config(&self, model: &Model) -> Option<(Gains, String)> {
         let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
         let gains = &self.config.gains;
@@ -70,7 +71,7 @@ impl Fit {
         Some((Gains { kp, kd }, format!("[gains] of {}", shown_path(&self.path))))
     }
 
-    /// Those of the policy that walked.
+    /// Returns the gains of the policy that walked.
     fn of_policy(&self, model: &Model) -> Option<(Gains, String)> {
         let named = paths::find(self.config.policy.as_ref()?, "policy", &self.path).ok()?;
         let file = gaitfit_run::policy_file::find(&named).ok()?.path;

@@ -18,7 +18,7 @@ pub(super) struct JointNumbers {
     pub stiction: f64,
     /// Friction for each N·m of the motor's torque.
     pub load_friction: f64,
-    /// Of all springs on the joint, N·m/rad.
+    /// Stiffness of all springs on the joint, N·m/rad.
     pub stiffness: f64,
     /// Their torque at angle 0, N·m.
     pub spring_torque: f64,

@@ -28,7 +28,7 @@ use std::path::PathBuf;
 /// Largest robot file, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// What is exported, and for which robot and controller.
+/// Settings of an export: parameters, robot and controller.
 #[derive(Clone, Debug)]
 pub struct ExportSettings {
     /// Fitted parameters, a theta.toml.
@@ -73,7 +73,7 @@ pub struct Exported {
     pub files: Vec<(String, Vec<u8>)>,
     /// The parameters.
     pub rows: Vec<Row>,
-    /// What to know before trusting the files.
+    /// Warnings to know before trusting the files.
     pub notes: Vec<String>,
 }
 
@@ -96,6 +96,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
         (None, Some(fit)) => fit.robot(settings)?,
         (None, None) => None,
     };
+    // The model as the file has it, not as a fit holds the base: only its numbers are changed.
     let (model, text, is_urdf) = match &fitted {
         None => (robot::go2()?, builtin::GO2.to_owned(), false),
         Some((path, lenient)) => {

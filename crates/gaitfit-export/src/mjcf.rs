@@ -39,7 +39,7 @@ pub(super) fn says_base(text: &str, model: &Model) -> Result<bool, Error> {
     Ok(base_inertial(&document, model).is_some())
 }
 
-/// The same of every body whose link the fit changes.
+/// Whether the mass of every body whose link the fit changes is a number in the file.
 pub(super) fn says_links(text: &str, model: &Model, candidate: &Candidate) -> Result<bool, Error> {
     let document = parse(text)?;
     let changes = candidate.robot.body_changes(model);
@@ -79,6 +79,7 @@ pub(super) fn patched(
 ) -> Result<String, Error> {
     let document = parse(text)?;
     let mut edits = Edits::default();
+    // MuJoCo takes angles in degrees unless the compiler says `radian`.
     let degrees = !document
         .descendants()
         .filter(|node| node.has_tag_name("compiler"))
@@ -102,6 +103,7 @@ pub(super) fn patched(
     let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.has_spring);
     let passive = switch(&["passive", "damper", "spring"], passive);
     for (joint, own) in joints.iter().zip(&model.joints) {
+        // Elements `joint` of defaults, tendons and equalities are not joints of the tree.
         let node = document.descendants().find(|node| {
             node.has_tag_name("joint")
                 && node.attribute("name") == Some(joint.name.as_str())
@@ -196,6 +198,7 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
 
 /// One PD controller a joint instead of the file's actuators, which keep their order and names:
 /// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
+/// MuJoCo's affine actuator makes g · ctrl + b₀ + b₁ · q + b₂ · q̇, with g of `gainprm` and b of `biasprm`.
 fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
     let mut order: Vec<(usize, String)> = Vec::new();
     for actuator in &model.actuators {
@@ -203,6 +206,7 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
             order.push((actuator.joint, actuator.name.clone()));
         }
     }
+    // Joints that the file has no actuator for, but the fit has gains.
     for j in 0..joints.len() {
         if joints[j].kp != 0.0 && order.iter().all(|(joint, _)| *joint != j) {
             order.push((j, joints[j].name.clone()));

@@ -57,7 +57,7 @@ fn names(networks: &[SavedNetwork]) -> Vec<String> {
 struct Parts {
     factor: Vec<f64>,
     offset: Vec<f64>,
-    /// Of each layer: weights and biases; the output's unit is folded into the last.
+    /// Weights and biases of each layer; the output's unit is folded into the last.
     layers: Vec<(Vec<f64>, Vec<f64>)>,
 }
 
@@ -73,9 +73,11 @@ impl Parts {
             layers.push((weights.to_vec(), biases.to_vec()));
             rest = after;
         }
+        // The last layer is linear, so the output's unit can be part of its weights.
         if let Some((weights, biases)) = layers.last_mut() {
             weights.iter_mut().chain(biases).for_each(|weight| *weight *= network.output_scale);
         }
+        // The inputs are position and velocity, three times over.
         let factor = [network.position_scale, network.velocity_scale].repeat(3);
         let offset = [-network.rest * network.position_scale, 0.0].repeat(3);
         Ok(Parts { factor, offset, layers })

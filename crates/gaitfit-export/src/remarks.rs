@@ -1,4 +1,4 @@
-//! What Isaac Lab's actuators have no setting for, and what takes its place.
+//! Numbers that Isaac Lab's actuators have no setting for, and what takes their place.
 
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_model::Model;

@@ -54,6 +54,7 @@ impl Edits {
         let mut out = String::with_capacity(text.len() + 256);
         let mut at = 0;
         for (range, new) in self.edits {
+            // Inside an element that was replaced as a whole.
             if range.start < at {
                 continue;
             }

@@ -134,6 +134,7 @@ pub(crate) fn source(
     }
     one_each(&arrays, mapping)?;
     let mut table = Table { name: name.to_owned(), clock: "the file's times", ..Table::default() };
+    // How many arrays have each number of rows.
     let mut widest: IndexMap<usize, usize> = IndexMap::new();
     for array in arrays.numbers.values().filter(|array| !array.shape.is_empty()) {
         *widest.entry(array.shape[0]).or_default() += 1;

@@ -53,6 +53,7 @@ impl Columns<'_> {
             // Blended quaternions are shorter.
             for quaternion in values.chunks_exact_mut(4) {
                 let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+                // Another length is no effect of blending; it stays for the log's checks.
                 if length > 0.5 && length < 2.0 {
                     quaternion.iter_mut().for_each(|part| *part /= length);
                 }

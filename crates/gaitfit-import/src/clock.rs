@@ -14,7 +14,7 @@ const FAR_BACK_S: f64 = 0.5;
 /// RMS deviation of the intervals, relative to the middle one, that is worth a word.
 const JITTER: f64 = 0.2;
 
-/// What is noteworthy about a stream's clock.
+/// A notable fact about a stream's clock.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
@@ -36,7 +36,7 @@ pub enum ClockFinding {
     },
     /// Stamps had lost their digits, and rows were spaced evenly.
     Coarse {
-        /// What was wrong and what was done.
+        /// The fault, and the even times.
         even: EvenRows,
     },
     /// Samples are missing.
@@ -47,7 +47,7 @@ pub enum ClockFinding {
         lost: usize,
         /// The longest, s.
         longest_s: f64,
-        /// When it begins, s.
+        /// Time at which it begins, s.
         at_s: f64,
     },
     /// Intervals vary.
@@ -87,7 +87,7 @@ impl std::fmt::Display for ClockFinding {
 pub struct StreamReport {
     /// Topic, file or group of columns.
     pub name: String,
-    /// Which clock its times are of.
+    /// The clock of its times.
     pub clock: &'static str,
     /// Samples.
     pub samples: usize,
@@ -95,9 +95,9 @@ pub struct StreamReport {
     pub rate_hz: f64,
     /// First and last time, s.
     pub span_s: [f64; 2],
-    /// What was taken from it, such as `q` or `qdes`.
+    /// Quantities that were taken from it, such as `q` or `qdes`.
     pub quantities: Vec<String>,
-    /// What is noteworthy about its clock.
+    /// Notable facts about its clock.
     pub findings: Vec<ClockFinding>,
 }
 
@@ -143,6 +143,7 @@ fn sort(table: &mut Table) -> Result<usize, ImportError> {
             }
             latest = latest.max(time);
         }
+        // A stable sort: rows of one time stay in the order in which they came.
         let mut order: Vec<usize> = (0..samples).collect();
         order.sort_by(|a, b| table.time[*a].total_cmp(&table.time[*b]));
         table.pick(&order);
@@ -179,7 +180,7 @@ fn space(table: &mut Table, rate_hz: Option<f64>) -> Result<Option<ClockFinding>
     }
 }
 
-/// What is odd about the spacing of rows at `time`.
+/// Returns gaps and jitter of rows at `time`.
 fn spacing_findings(time: &[f64], spacing: &Spacing) -> Vec<ClockFinding> {
     let mut findings = Vec::new();
     let length = |lost: &&Lost| time[lost.after + 1] - time[lost.after];
@@ -197,7 +198,7 @@ fn spacing_findings(time: &[f64], spacing: &Spacing) -> Vec<ClockFinding> {
     findings
 }
 
-/// What a table holds; the columns of all joints together are one quantity.
+/// Returns the quantities of a table; the columns of all joints together are one quantity.
 fn quantities(table: &Table) -> Vec<String> {
     let mut quantities: Vec<String> = Vec::new();
     for name in table.columns.keys() {
@@ -299,6 +300,7 @@ fn place_between(time: &mut [f64]) -> usize {
             placed += shared;
             let (first, at) = (row - 1, time[row - 1]);
             let usual = || (time[time.len() - 1] - time[0]) / (time.len() - 1).max(1) as f64;
+            // Before the first row there is no neighbour: the mean interval stands in for it.
             let before = if first > 0 { time[first - 1] } else { at - (shared + 1) as f64 * usual() };
             for (number, slot) in time[first..end].iter_mut().enumerate() {
                 *slot = before + (at - before) * (number + 1) as f64 / (shared + 1) as f64;

@@ -38,7 +38,7 @@ impl Values {
         }
     }
 
-    /// As floating point.
+    /// Converts to floating point.
     pub fn reals(self) -> Vec<f64> {
         match self {
             Values::Integers(values) => values.into_iter().map(|value| value as f64).collect(),
@@ -52,11 +52,11 @@ impl Values {
 pub(crate) struct Column {
     /// The rows that have a value; one a value. Unused of lists.
     pub rows: Vec<u32>,
-    /// Of a column of lists: how many values each row has.
+    /// For a column of lists: the number of values of each row.
     pub lengths: Option<Vec<u32>>,
     /// All values, row after row.
     pub values: Values,
-    /// Of times: how many units a second has.
+    /// For times: the number of units in a second.
     pub per_second: Option<f64>,
 }
 
@@ -84,9 +84,9 @@ impl Column {
 pub(crate) struct Frame {
     /// Number of rows.
     pub rows: usize,
-    /// By name.
+    /// Columns by name.
     pub columns: IndexMap<String, Column>,
-    /// What was not read, with the reason.
+    /// Columns that were not read, with the reason.
     pub left_out: Vec<String>,
     /// The file ends before it should.
     pub cut: bool,

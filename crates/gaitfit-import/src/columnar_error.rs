@@ -13,10 +13,10 @@ pub enum ColumnarError {
     /// Parts that do not fit together.
     #[error("{0}; the file is damaged")]
     Damaged(String),
-    /// What is not read, and what to do.
+    /// Content that is not read, and what to do.
     #[error("{0}")]
     NotRead(&'static str),
-    /// What the library says of a file.
+    /// The message of the library that reads a file.
     #[error("{0}")]
     Library(String),
     /// A column's lists or values do not fit its rows: what it has, and what to do.

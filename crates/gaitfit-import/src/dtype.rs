@@ -28,7 +28,7 @@ impl DType {
         known.then_some(DType { kind, size, big: order == b'>' })
     }
 
-    /// The same type in the byte order of `order`: `<`, `>`, `=` or `|`.
+    /// Returns the same type in the byte order of `order`: `<`, `>`, `=` or `|`.
     pub fn ordered(self, order: &str) -> DType {
         match order {
             ">" => DType { big: true, ..self },
@@ -96,6 +96,7 @@ fn half(bits: u16) -> f64 {
     let exponent = i32::from((bits >> 10) & 0x1f);
     let fraction = f64::from(bits & 0x3ff);
     sign * match exponent {
+        // Subnormal numbers: the fraction's last bit is worth 2⁻²⁴.
         0 => fraction * 2f64.powi(-24),
         31 if fraction == 0.0 => f64::INFINITY,
         31 => f64::NAN,

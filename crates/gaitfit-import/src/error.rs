@@ -5,7 +5,7 @@ use gaitfit_log::LogError;
 use gaitfit_model::{escaped, shown, shown_number, shown_path};
 use std::path::PathBuf;
 
-/// Most characters of a sentence in a message.
+/// Max number of characters of a sentence in a message.
 const SENTENCE: usize = 2000;
 
 /// Failure to import a log.

@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Deepest groups inside each other: links may lead in a ring.
 const MAX_DEPTH: usize = 8;
-/// Most groups and datasets.
+/// Max number of groups and datasets.
 const MAX_OBJECTS: usize = 10_000;
 /// Longest words of a dataset together, bytes.
 const MAX_WORDS: usize = 1 << 20;

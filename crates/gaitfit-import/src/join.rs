@@ -15,7 +15,7 @@ pub(crate) struct Joined {
     pub time: Vec<f64>,
     /// One value a sample.
     pub columns: IndexMap<String, Vec<f64>>,
-    /// What was assumed.
+    /// Assumptions, in sentences.
     pub assumed: Vec<String>,
     /// How long after their rows targets were stamped, or actions where there are no targets.
     pub lead: Option<Lead>,
@@ -26,6 +26,7 @@ pub(crate) struct Joined {
 /// The table with the positions, whose samples the log has.
 fn table_of_positions(tables: &[Table]) -> Result<usize, ImportError> {
     let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
+    // Of tables with as many positions, the first.
     let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
     base.filter(|i| positions(&tables[*i]) > 0).ok_or_else(|| {
         let names: Vec<String> =
@@ -100,6 +101,7 @@ impl Common {
                 common.from = common.from.max(*first - table.slack);
             }
             let blended = table.columns.keys().any(|name| !is_held(name));
+            // What is held counts for one more period; what is blended needs a sample on both sides.
             common.to = common.to.min(if blended { *last } else { last + period });
         }
         Ok(common)
@@ -147,6 +149,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
     let state = &tables[base];
     let mut joined = Joined::default();
     let Common { from, to, placed } = Common::new(&tables, base, &mut joined)?;
+    // Only the time that all streams cover.
     let begin = state.time.partition_point(|time| *time < from - SAME);
     let end = state.time.partition_point(|time| *time <= to + SAME);
     if begin >= end {

@@ -186,6 +186,7 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
     let even: String =
         name.chars().filter(|c| *c != ']').map(|c| if c == '[' || c == '.' { '/' } else { c }).collect();
     let parts: Vec<&str> = even.split('/').filter(|part| !part.is_empty()).collect();
+    // Larger numbers are part of a name: no robot has so many motors.
     let number = |text: &str| text.parse::<usize>().ok().filter(|number| *number < 1024);
     match parts.as_slice() {
         [.., "motor_state", i, "q"] => number(i).map(|i| format!("q_#m{i}")),
@@ -205,6 +206,7 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
             let place = ["x", "y", "z"].iter().position(|name| name == axis)?;
             Some(RATES[place].to_owned())
         }
+        // PlotJuggler names the parts of a JointState so: topic, joint, quantity.
         [topic @ .., joint, "position"] if !topic.is_empty() && number(joint).is_none() => {
             Some(format!("{}{joint}", if is_command(topic) { "qdes_" } else { "q_" }))
         }

@@ -1,4 +1,4 @@
-//! Which row a controller's message belongs to, and how long after the row's time it was stamped.
+//! Assigns a controller's messages to rows, and measures how long after the row's time they were stamped.
 //!
 //! A control loop reads a state, computes, and publishes a target. The target answers that state, though its stamp is a
 //! little later. So it belongs to the state's row, and the time between them, its lead, is kept: a simulator that holds the
@@ -59,6 +59,7 @@ pub(crate) fn place(state: &[f64], table: &Table, is_held: impl Fn(&str) -> bool
         return Placed { rows: last_before(state, table, &new), lead: None, faster: true };
     }
     let wrap = if table.slack > 0.0 { BEFORE_INEXACT } else { BEFORE };
+    // 1. The usual lead of the stream; 2. each message goes to the row from which it has about this lead.
     let usual = usual(state, table, &new, step, wrap);
     let mut rows: Vec<Option<usize>> = vec![None; state.len()];
     let mut leads = Vec::with_capacity(new.len());
@@ -105,6 +106,8 @@ fn usual(state: &[f64], table: &Table, new: &[usize], step: f64, wrap: f64) -> f
             (lead < 1.5 * step).then_some(lead / step)
         })
         .collect();
+    // The mean of phases on a circle: a lead a little below 0 and one a little below an interval are near each other.
+    // The mean vector has length 1 if all phases are equal, and about 0 if they are spread over the circle.
     let turn = std::f64::consts::TAU;
     let (sin, cos) = phases
         .iter()
@@ -113,6 +116,7 @@ fn usual(state: &[f64], table: &Table, new: &[usize], step: f64, wrap: f64) -> f
     if phases.is_empty() {
         return 0.0;
     }
+    // Streams that run freely: the middle of an interval is the best guess of what answers what.
     if length < TOGETHER {
         return 0.5 * step;
     }

@@ -92,11 +92,11 @@ use std::path::{Path, PathBuf};
 /// What the caller knows, and how much an import may take.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What the files do not say.
+    /// Statements about the files that they lack themselves.
     pub mapping: Mapping,
     /// Largest file, bytes; packed data may become four times as large.
     pub max_bytes: u64,
-    /// Most numbers kept, of 8 bytes.
+    /// Max count of numbers kept, of 8 bytes.
     pub max_values: usize,
 }
 

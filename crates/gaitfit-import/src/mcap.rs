@@ -64,6 +64,7 @@ fn records(
         let code = head[0];
         let size = head[1..].iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
         let body = usize::try_from(size).ok().and_then(|size| after.split_at_checked(size));
+        // A record that is not complete: the recorder was killed. All before it counts.
         let Some((body, next)) = body else { return Ok(true) };
         rest = next;
         match code {
@@ -128,7 +129,8 @@ fn records(
 
 /// Whether the lengths that a record gives its texts fit into it. The crate `mcap` takes the memory before it looks.
 fn lengths_fit(code: u8, mut body: &[u8]) -> bool {
-    // Bytes before the texts, and how many texts (or tables of texts, whose length comes first) follow.
+    // Bytes before the texts, and how many texts (or tables of texts, whose length comes first) follow, by MCAP's
+    // specification.
     let (fixed, texts) = match code {
         op::CHUNK => (28, 1),
         op::SCHEMA => (2, 3),

@@ -9,7 +9,8 @@ use std::io::{Cursor, Seek, Write};
 
 /// Name of the metadata record that holds what messages do not say.
 pub(crate) const METADATA: &str = "gaitfit";
-/// Unix times begin here, s; logs that begin earlier are written as if they began at 1 s.
+/// Unix times begin here, s: the year 2001. Logs that begin earlier are written as if they began at 1 s, because
+/// readers take a stamp of 0 for one that is not set.
 const UNIX_S: f64 = 1e9;
 
 const HEADER: &str = "\
@@ -34,7 +35,7 @@ MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 const ROBOT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] temperature\nfloat64 battery_charge\n\
 float64 battery_voltage\nfloat64 age\n";
 
-/// What an MCAP log says beside its samples.
+/// Head of an MCAP log: all but its samples.
 #[derive(Clone, Debug)]
 pub struct McapHead<'a> {
     /// The joints, in the order of all rows.
@@ -72,20 +73,20 @@ pub struct McapRow<'a> {
     pub quaternion: Option<[f64; 4]>,
     /// Angular velocity of the base in its own frame, rad/s.
     pub angular_velocity: Option<[f64; 3]>,
-    /// What the accelerometer says, in the base's frame, m/s².
+    /// Reading of the accelerometer, in the base's frame, m/s².
     pub acceleration: Option<[f64; 3]>,
-    /// What else a robot says.
+    /// State of motors and battery.
     pub state: Option<McapState<'a>>,
 }
 
-/// What a robot says of itself.
+/// State of motors and battery of a robot.
 #[derive(Clone, Copy, Debug)]
 pub struct McapState<'a> {
-    /// Of the motors, in the joints' order, °C.
+    /// Temperatures of the motors, in the joints' order, °C.
     pub temperature: &'a [f64],
     /// Charge of the battery, %, and its voltage, V; not a number if they are not reported.
     pub battery: [f64; 2],
-    /// How old the sample was when it was used, s.
+    /// Age of the sample when it was used, s.
     pub age: f64,
 }
 
@@ -97,7 +98,7 @@ pub struct McapState<'a> {
 pub struct McapLog<W: Write + Seek> {
     writer: mcap::Writer<W>,
     joints: Vec<String>,
-    /// From the log's times to those of messages, s; known with the first row.
+    /// Difference of messages' times and the log's times, s; known with the first row.
     shift: Option<f64>,
     rows: u32,
     channels: BTreeMap<&'static str, u16>,
@@ -113,6 +114,7 @@ impl<W: Write> LiveMcap<W> {
     /// # Errors
     /// What `sink` refuses.
     pub fn live(sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
+        // A chunk can be read only when it is whole, and a sink that is appended to cannot seek.
         let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true);
         Self::begin(options, NoSeek::new(sink), head)
     }
@@ -266,7 +268,7 @@ fn numbers<const N: usize>(rows: &Option<Vec<f64>>, sample: usize) -> Option<[f6
     rows.as_ref().map(|rows| std::array::from_fn(|k| rows[N * sample + k]))
 }
 
-/// What the log says beside its samples, as text.
+/// Returns the head of a log as text.
 fn metadata(head: &McapHead<'_>) -> Metadata {
     let mut entries = BTreeMap::new();
     let mut add = |name: &str, text: String| drop(entries.insert(name.to_owned(), text));
@@ -289,6 +291,7 @@ struct Message(Vec<u8>);
 
 impl Message {
     fn new(ns: u64) -> Self {
+        // The head of little-endian CDR.
         let mut message = Message(vec![0, 1, 0, 0]);
         message.u32((ns / 1_000_000_000) as u32);
         message.u32((ns % 1_000_000_000) as u32);

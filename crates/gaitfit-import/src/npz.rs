@@ -10,7 +10,7 @@ use zip::ZipArchive;
 
 /// Longest header of an array, bytes: NumPy itself refuses longer ones.
 const MAX_HEADER: usize = 10_000;
-/// Most files in an archive.
+/// Max number of files in an archive.
 pub(crate) const MAX_ENTRIES: usize = 10_000;
 
 /// The arrays of an npz archive. Arrays of Python objects are refused: they are pickles.
@@ -115,6 +115,7 @@ pub(crate) fn numbers(
     if !fortran || shape.len() < 2 {
         return Some(plain);
     }
+    // In Fortran's order the first axis runs fastest; the loop below walks in C's order, the last axis fastest.
     let mut strides = Vec::with_capacity(shape.len());
     let mut stride = 1;
     for size in shape {

@@ -1,4 +1,4 @@
-//! From a path to tables.
+//! Makes tables of a path.
 
 use crate::arrays::{self, Arrays};
 use crate::budget::{Budget, unzstd};
@@ -15,7 +15,7 @@ use gaitfit_log::{ReadOptions, read_csv_report, stated};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Most files of a bag's folder.
+/// Max number of files of a bag's folder.
 const MAX_FILES: usize = 1000;
 
 /// Reads a file or a bag's folder.
@@ -111,7 +111,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
     source.map_err(|problem| content(path, kind, problem))
 }
 
-/// How to make an npz file of a kind that this build does not read.
+/// Returns the command that makes an npz file of a kind that this build does not read.
 #[cfg(any(test, not(feature = "all-formats")))]
 fn to_npz(kind: Kind, bytes: &[u8]) -> String {
     let columns = |read: &str| {

@@ -1,4 +1,4 @@
-//! From a file's names to a log's: columns, joints, units, times.
+//! Renames a file's columns, joints, units and times to those of a log.
 
 use crate::ImportError;
 use crate::arrays::named;
@@ -82,7 +82,7 @@ fn renamed(known: String, mapping: &Mapping) -> String {
     }
 }
 
-/// Most names of streams in a message.
+/// Max number of names of streams in a message.
 const MAX_SHOWN: usize = 20;
 
 /// Notes which names of `streams.take` the source has.
@@ -137,7 +137,7 @@ fn is_said(known: &str, mapping: &Mapping) -> bool {
     })
 }
 
-/// What the mapping's `[columns]` makes of the columns that there are.
+/// Returns the log's names of the columns that the mapping's `[columns]` names.
 fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
     let mut out = IndexMap::new();
     let present: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
@@ -185,7 +185,7 @@ fn listed(names: &[&String]) -> String {
     names.iter().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ")
 }
 
-/// What column `name` is by a pattern with `{joint}` or `{index}`, or as an element of an array.
+/// Returns the log's name of column `name` by a pattern with `{joint}` or `{index}`, or as an element of an array.
 fn by_pattern(pattern: &str, name: &str, role: Role) -> Option<String> {
     let place = |number: usize| match role.prefix() {
         Some(prefix) => Some(format!("{prefix}#{number}")),
@@ -219,6 +219,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let numbers: Vec<(bool, usize)> =
         source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
+    // How many motors (of Unitree's messages) or joints are numbered.
     let slots =
         |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
     let given: Option<Vec<String>> = mapping.joints.clone().or_else(|| source.joints.clone());
@@ -227,6 +228,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
         (_, None) => Vec::new(),
         (Some(given), Some(_)) => given.clone(),
         (None, Some(count)) => {
+            // Messages of unitree_go have 20 slots, those of unitree_hg 35.
             let names = source.usual_joints.unwrap_or(if count > 20 { &UNITREE_HG } else { &UNITREE_GO });
             source.assumed.push(format!(
                 "motors are those of a Unitree {} in its order, {} to {}",

@@ -4,7 +4,7 @@
 use crate::problem::Problem;
 use gaitfit_model::shown;
 
-/// What is wrong with a database.
+/// Fault of a database.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SqliteError {
@@ -24,7 +24,7 @@ pub enum SqliteError {
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
-/// Deepest tree.
+/// Deepest tree. SQLite's own cursors go 20 deep.
 const DEEPEST: usize = 24;
 /// Largest row, bytes.
 const MAX_ROW: usize = 256 << 20;
@@ -93,13 +93,17 @@ impl<'a> Database<'a> {
     pub fn open(bytes: &'a [u8]) -> Result<Self, SqliteError> {
         let header = bytes.get(..100).filter(|header| header.starts_with(MAGIC)).ok_or_else(damaged)?;
         let page_size = match u16::from_be_bytes([header[16], header[17]]) {
+            // Two bytes cannot hold 65,536.
             1 => 65_536,
             size => usize::from(size),
         };
+        // Byte 20: bytes at the end of each page that are reserved for extensions.
         let usable = page_size.checked_sub(usize::from(header[20])).ok_or_else(damaged)?;
+        // Bounds of the format. `usable − 35` below relies on the last one.
         if !page_size.is_power_of_two() || page_size < 512 || usable < 480 {
             return Err(damaged());
         }
+        // Byte 56: 1 is UTF-8, 2 and 3 are UTF-16; 0 in a file without a table.
         if u32::from_be_bytes([header[56], header[57], header[58], header[59]]) > 1 {
             return Err(SqliteError::Utf16);
         }
@@ -145,9 +149,11 @@ impl<'a> Database<'a> {
             return Err(damaged().into());
         }
         let page = self.page_bytes(number)?;
+        // The first page begins with the file's header.
         let start = if number == 1 { 100 } else { 0 };
         let kind = *page.get(start).ok_or_else(damaged)?;
         let cells = usize::from(be16(page, start + 3)?);
+        // Kinds of pages: 5 is an inner page of a table, 13 a leaf. Indexes (2 and 10) are not visited.
         let head = match kind {
             5 => 12,
             13 => 8,
@@ -188,7 +194,9 @@ impl<'a> Database<'a> {
         if size > MAX_ROW {
             return Err(damaged().into());
         }
+        // All rows together fit into the file, unless several places name one.
         left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;
+        // How much of a row lies in its leaf before the rest goes to overflow pages (the format's section 1.6).
         let (max, min) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
         if size <= max {
             let content = at.checked_add(size).and_then(|end| page.get(at..end)).ok_or_else(damaged)?;
@@ -232,6 +240,8 @@ fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), Proble
             let first = if bytes[0] & 0x80 == 0 { 0i64 } else { -1 };
             bytes.iter().fold(first, |sum, byte| (sum << 8) | i64::from(*byte))
         };
+        // Serial types (section 2.1): NULL, integers of 1, 2, 3, 4, 6 and 8 bytes, a double, the constants 0 and 1,
+        // then blobs and texts whose size is in the number.
         cells.push(match kind {
             // The key: SQLite writes NULL for it.
             0 if cells.is_empty() => Cell::Integer(id),

@@ -3,7 +3,7 @@
 use gaitfit_log::{Lead, Stated};
 use indexmap::IndexMap;
 
-/// Most columns of a table.
+/// Max columns of a table, as many as the reader of logs takes.
 pub(crate) const MAX_COLUMNS: usize = 4096;
 
 /// Columns that share their times.

@@ -31,12 +31,14 @@ pub(crate) fn read(
         return Err(TableError::LongLines.into());
     }
     let count = |c: char| header.matches(c).count();
+    // The most frequent separator of the header; a comma wins a tie.
     let separator = [',', ';', '\t'].into_iter().max_by_key(|c| (count(*c), *c == ',')).unwrap_or(',');
     let decimal_comma = separator != ',';
     let mut reader = csv::ReaderBuilder::new()
         .delimiter(separator as u8)
         .comment(Some(b'#'))
         .trim(csv::Trim::All)
+        // Rows of other lengths are judged below, with the line in the message.
         .flexible(true)
         .from_reader(text.as_bytes());
     let damaged = |error: csv::Error| TableError::Csv(error.to_string());

@@ -35,6 +35,7 @@ pub fn dispatch<K: Kernel<A>, A>(arguments: A) {
             return unsafe { avx2::<K, A>(arguments) };
         }
     }
+    // SSE2 has no fused multiply-add: it would be a slow call of a library.
     K::run::<false>(arguments);
 }
 

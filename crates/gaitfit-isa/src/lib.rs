@@ -31,7 +31,7 @@ pub enum Isa {
     Avx512,
     /// AVX2 with fused multiply-add: vectors of 8 `f32`.
     Avx2,
-    /// What every machine of the architecture has, in vectors of 4 `f32`: SSE2 on x86-64, NEON on 64-bit Arm.
+    /// Vectors of 4 `f32`, which every machine of the architecture has: SSE2 on x86-64, NEON on 64-bit Arm.
     Portable,
 }
 
@@ -68,7 +68,7 @@ impl Isa {
         }
     }
 
-    /// The same set, if this machine has it.
+    /// Returns the same set, if this machine has it.
     ///
     /// # Errors
     /// [`IsaError::Missing`] names the sets that it has.
@@ -111,7 +111,7 @@ fn names(all: impl IntoIterator<Item = Isa>) -> String {
     all.into_iter().map(Isa::name).collect::<Vec<_>>().join(", ")
 }
 
-/// Why an instruction set cannot be used.
+/// The reason why an instruction set cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IsaError {
     /// No set has this name.

@@ -8,10 +8,11 @@ use crate::{Isa, IsaError};
 /// Name of the variable that chooses the set.
 pub const VARIABLE: &str = "GAITFIT_ISA";
 
+/// The set of the program, or why there is none: chosen once, because results of two sets may differ in the last bits.
 static SELECTED: OnceLock<Result<Isa, IsaError>> = OnceLock::new();
 
 thread_local! {
-    /// What [`with_isa`] puts in its place.
+    /// The set of this thread, which [`with_isa`] chooses instead.
     static THREAD_CHOICE: Cell<Option<Isa>> = const { Cell::new(None) };
 }
 
@@ -48,7 +49,7 @@ fn chosen() -> &'static Result<Isa, IsaError> {
     SELECTED.get_or_init(|| from_variable(std::env::var_os(VARIABLE)))
 }
 
-/// What the variable's value asks for.
+/// Returns the set that the variable's value names.
 fn from_variable(value: Option<std::ffi::OsString>) -> Result<Isa, IsaError> {
     match value {
         Some(value) if !value.is_empty() => value.to_string_lossy().parse::<Isa>()?.checked(),

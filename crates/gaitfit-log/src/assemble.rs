@@ -1,4 +1,4 @@
-//! From columns, samples and metadata to a trajectory.
+//! Makes a trajectory of columns, samples and metadata.
 
 use crate::attitude::orientation_of_gravity;
 use crate::check::stats::{median, short};
@@ -49,6 +49,7 @@ pub(crate) fn assemble(
     let lead = lead(&metadata)?;
     let mut channels = samples.channels.into_iter();
     let mut next = || channels.next().unwrap_or_default();
+    // In the order in which the reader lists its channels.
     let (position, velocity, target, action, command) = (next(), next(), next(), next(), next());
     let motion = next();
     let mut base_channel = |name: &'static str, columns: Option<Vec<usize>>| {
@@ -133,7 +134,7 @@ fn stated_rate(metadata: &Metadata, report: &mut ReadReport) -> Result<Option<f6
     Ok(Some(rate.value))
 }
 
-/// What to know of a log that states that the robot did not fall, and shows that it did.
+/// Returns a finding if the log states that the robot did not fall, and shows that it did.
 fn fell_after_all(log: &Trajectory) -> Option<Finding> {
     let falls = falls(log, &CheckSpec::default());
     let fall = falls.iter().find(|fall| matches!(fall.sign, FallSign::Tilt | FallSign::Height))?;
@@ -150,7 +151,7 @@ fn fell_after_all(log: &Trajectory) -> Option<Finding> {
     })
 }
 
-/// Why times have no sample rate, and what to do.
+/// Returns why times have no sample rate, and what to do.
 fn without_rate(time: &[f64]) -> String {
     match time.windows(2).position(|pair| pair[1] < pair[0]) {
         Some(row) => format!(

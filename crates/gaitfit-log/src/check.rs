@@ -38,7 +38,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct CheckSpec {
     /// The robot's joints in its own order.
     pub joints: Option<Vec<String>>,
-    /// Those that slide: their units are m, m/s and N.
+    /// Joints that slide: their units are m, m/s and N.
     pub slides: BTreeSet<String>,
     /// Position limits, rad.
     pub position_limits: BTreeMap<String, [f64; 2]>,
@@ -65,7 +65,7 @@ impl CheckSpec {
     }
 }
 
-/// How bad a finding is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
@@ -190,13 +190,13 @@ pub struct Span {
 pub struct Finding {
     /// Reason.
     pub kind: FindingKind,
-    /// How bad it is.
+    /// Severity.
     pub severity: Severity,
     /// Joints concerned; empty: not a matter of joints.
     pub joints: Vec<String>,
     /// Samples concerned; absent: the whole log.
     pub span: Option<Span>,
-    /// What was found, in numbers, and what to do.
+    /// The problem, in numbers, and what to do.
     pub message: String,
 }
 
@@ -284,6 +284,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     }
     let mut unwrapped = Cow::Borrowed(log);
     if !log.velocity_joints.is_empty() {
+        // A wheel's angle that wraps at a full turn would look like a jump.
         unwrapped.to_mut().unwrap_wheels();
     }
     let log = &*unwrapped;
@@ -303,6 +304,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     lag::check(&mut findings, &scales);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
+    // A stable sort: findings of one severity stay in the order of the checks.
     findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings.list
 }

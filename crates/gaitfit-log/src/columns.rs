@@ -1,4 +1,4 @@
-//! What each column of a header means: the table in the crate's documentation, as code.
+//! Meaning of each column of a header: the table in the crate's documentation, as code.
 
 use crate::{IgnoredColumn, LogError, TimeUnit};
 use gaitfit_model::shown;
@@ -64,7 +64,7 @@ pub(crate) struct Layout {
     pub ignored: Vec<IgnoredColumn>,
 }
 
-/// How files of other programs become logs.
+/// The remedy for files of other programs.
 const IMPORT: &str = "Or import the file: `gaitfit import FILE --mapping MAP.toml --out LOG.csv`, where the mapping names \
                       columns and units (`gaitfit new` takes --mapping too)";
 
@@ -250,6 +250,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let base_rates = header.group(&BASE_RATES);
     let mut gravity = header.gravity();
     if base_quaternion.is_some() || roll_pitch_yaw.is_some() {
+        // An orientation has the heading too, which gravity does not show.
         header.drop_repeated(&mut gravity, "the orientation has it already");
     }
     if base_quaternion.is_some() {

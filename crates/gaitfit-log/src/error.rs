@@ -3,7 +3,7 @@
 use gaitfit_model::{escaped, shown, shown_path};
 use std::path::PathBuf;
 
-/// Most characters of a sentence in a message.
+/// Max number of characters of a sentence in a message.
 const SENTENCE: usize = 2000;
 
 /// Failure to read, write or transform a log. Lines and columns count from 1; a column is a CSV cell, not a
@@ -123,7 +123,7 @@ pub enum LogError {
     TooManyFiles {
         /// The folder.
         path: PathBuf,
-        /// Most entries.
+        /// Max number of entries.
         limit: usize,
     },
     /// The caller asked to stop.

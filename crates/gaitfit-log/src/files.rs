@@ -4,7 +4,7 @@ use crate::LogError;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// Most entries of a folder that are looked at.
+/// Max number of entries of a folder that are looked at.
 const MAX_ENTRIES: usize = 100_000;
 
 /// Targets of a chirp, and what a simulation expects of it: files that `gaitfit excite` writes beside `play.py`.
@@ -56,7 +56,7 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
 /// Refuses what is neither a regular file nor a link to one. The message names a link, where it leads and what to do.
 ///
 /// # Errors
-/// As said; an entry that cannot be looked at.
+/// An entry that is neither, or that cannot be looked at.
 pub fn check_entry(path: &Path) -> Result<(), LogError> {
     let io = |source| LogError::Io {
         path: path.to_owned(),

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 /// Rates this close, relative, are the same: the measured rate of a log moves by its jitter.
 const SAME_RATE: f64 = 0.02;
 
-/// What a folder of logs holds.
+/// Summary of a folder of logs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FolderSummary {
     /// The folder.
@@ -46,12 +46,12 @@ pub struct FolderSummary {
 pub struct LogEntry {
     /// The file.
     pub path: PathBuf,
-    /// What it holds, or why it could not be read.
+    /// Its content, or why it could not be read.
     #[serde(flatten)]
     pub content: LogContent,
 }
 
-/// What a log holds.
+/// Content of a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LogContent {
@@ -226,6 +226,7 @@ fn count_rates(mut rates: Vec<f64>) -> Vec<RateCount> {
     let mut counts: Vec<RateCount> = Vec::new();
     for rate_hz in rates {
         match counts.last_mut() {
+            // Compared with the group's lowest rate, so that a chain of near rates does not become one group.
             Some(last) if rate_hz <= last.rate_hz * (1.0 + SAME_RATE) => last.logs += 1,
             _ => counts.push(RateCount { rate_hz, logs: 1 }),
         }

@@ -1,4 +1,4 @@
-//! What an inertial unit cannot have read: cells of orientation and body rates that would make nonsense of a fit.
+//! Cells of orientation and body rates that no inertial unit can have read and that would make nonsense of a fit.
 
 /// A quaternion whose length is further from 1 is none; recorders that round to two digits stay below.
 const OFF_UNIT: f64 = 0.02;
@@ -6,7 +6,7 @@ const OFF_UNIT: f64 = 0.02;
 const MAX_ANGLE: f64 = 2.0 * std::f64::consts::PI;
 /// Largest body rate, rad/s: gyros of robots end at a third of it.
 const MAX_RATE: f64 = 200.0;
-/// The same in degrees per second.
+/// Largest body rate, °/s.
 const MAX_DEGREES: f64 = 12_000.0;
 
 const NOT_FINITE: &str =

@@ -14,11 +14,13 @@ use gaitfit_model::rotation::{Quat, Vec3, inverse, normalize, product, quat_of};
 
 /// Length of a span, s: long against the noise of attitude filters, short against a step.
 const SPAN_S: f64 = 0.04;
-/// Fewest spans that say something, and shortest log, s.
+/// Min number of spans that say something.
 const ENOUGH: usize = 40;
+/// Length of the shortest log that says something, s.
 const MIN_S: f64 = 0.8;
 /// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
 const MOVES: f64 = 0.1;
+/// Where one of the two is below [`MOVES`], they are compared only if the other is at least this many times [`MOVES`].
 const FIVE_TIMES: f64 = 5.0;
 /// Unexplained part up to which a reading is right. Walks of simulated robots at 50 Hz leave 0.14, of a real Go2 0.10.
 pub(crate) const FITS: f64 = 0.25;
@@ -74,7 +76,7 @@ impl Reading {
     }
 }
 
-/// What a log's orientation and rates say of each other.
+/// Result of comparing a log's orientation with its rates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Verdict {
     /// Unexplained part of the columns as they are named.
@@ -124,6 +126,8 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     if rms[0].min(rms[1]) < MOVES && rms[0].max(rms[1]) < FIVE_TIMES * MOVES {
         return None;
     }
+    // All orders, frames, units and signs; turned axes only with the named order and frame, as more combinations would
+    // fit by chance.
     let as_named = moments.unexplained(&named);
     let mut readings: Vec<(Reading, f64)> = Vec::new();
     for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
@@ -140,6 +144,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
                     for axes in turns().into_iter().filter(|axes| *axes != BASE_AXES) {
                         for negated in [false, true] {
                             let reading = Reading { order, frame, unit, negated, axes };
+                            // The handicap of [`SIMPLER`].
                             readings.push((reading, moments.unexplained(&reading) / SIMPLER));
                         }
                     }
@@ -149,6 +154,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     }
     readings.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (reading, left) = *readings.first()?;
+    // Another reading counts only if the named one does not fit and the other one clearly does.
     let improves = reading != named && as_named > FITS && left < BETTER * as_named && left < APART * BETTER;
     // A base that keeps its heading at 0 has the same rates in both frames, and either reading is right; negated, the other
     // frame means an orientation that is the inverse of what it should be.
@@ -304,7 +310,7 @@ pub(crate) struct Fine {
 
 /// Parts of a log whose results are compared for the standard errors.
 const PARTS: usize = 5;
-/// Fewest spans of a part.
+/// Min number of spans of a part.
 const OF_A_PART: usize = 20;
 
 /// Bias and lag of the rates against the orientation: a = c + lag · dc/dt − bias · span, by least squares. The standard
@@ -316,7 +322,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
     };
     let spans = Spans::new(log, rates)?;
     let turned = spans.turned(quaternion, QuaternionOrder::Wxyz, RateFrame::Body);
-    // Rates are composed in order here: over a span they do not quite add up.
+    // Rates are composed in order here: turns about different axes do not quite add up, which would look like a bias.
     let integrated: Vec<Vec3> =
         spans.starts.iter().map(|start| composed(log, rates, *start, spans.length)).collect();
     let part = |range: std::ops::Range<usize>| -> Option<(Vec3, f64)> {
@@ -339,6 +345,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
         let (mut cc, mut cd, mut dd, mut cy, mut dy) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for i in range.start.max(1)..range.end.min(integrated.len() - 1) {
             let (before, after) = (spans.starts[i - 1], spans.starts[i + 1]);
+            // A gap: the difference would not be a derivative.
             if after - before != 2 {
                 continue;
             }
@@ -353,6 +360,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
                 }
             }
         }
+        // Normal equations of two unknowns: a factor on c, which takes an error of scale, and the lag.
         let determinant = cc * dd - cd * cd;
         (determinant > 0.0).then(|| (off, (cc * dy - cd * cy) / determinant))
     };

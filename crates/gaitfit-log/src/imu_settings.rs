@@ -1,4 +1,4 @@
-//! How an inertial unit's columns are to be read, where they are not as their names say.
+//! Readings of an inertial unit's columns that differ from their names.
 
 use crate::BaseState;
 use gaitfit_model::rotation::{
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum QuaternionOrder {
-    /// As named.
+    /// w, x, y, z, as named.
     #[default]
     Wxyz,
     /// x, y, z, w under the names w, x, y, z.
@@ -59,7 +59,7 @@ pub struct ImuSettings {
 }
 
 impl ImuSettings {
-    /// What `self` says, and what `other` says and `self` does not.
+    /// Fills keys that `self` lacks from `other`.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum PerJoint {
-    /// The same for all joints.
+    /// One value for all joints.
     All(f64),
     /// One a joint, in the order of the file's `q_` columns.
     List(Vec<f64>),
@@ -59,7 +59,7 @@ impl PerJoint {
     }
 }
 
-/// Most entries of a table by joint name: each costs some microseconds.
+/// Max number of entries of a table by joint name: each costs some microseconds.
 const MAX_ENTRIES: usize = 1000;
 
 fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
@@ -96,7 +96,7 @@ pub(crate) struct Metadata {
     pub target_lead_spread_s: Option<Sourced<f64>>,
     /// Physics step of the simulator that made the log, s.
     pub simulated_step_s: Option<Sourced<f64>>,
-    /// How the inertial unit's columns are to be read, key by key.
+    /// Reading of the inertial unit's columns, key by key.
     pub imu: ImuSettings,
     /// Findings that do not forbid using the log.
     pub allow: Option<Sourced<Vec<FindingKind>>>,
@@ -122,7 +122,7 @@ pub(crate) struct Statements {
     pub _notes: Option<toml::Table>,
 }
 
-/// Most characters of what the TOML reader says.
+/// Max number of characters of what the TOML reader says.
 const REASON: usize = 200;
 
 const KEYS: [&str; 15] = [
@@ -246,7 +246,7 @@ fn slip(folded: &str) -> Option<&'static str> {
     })
 }
 
-/// What a log's comments and the files beside it state of it, for readers of other kinds of text.
+/// Statements of a log's comments and of the files beside it, for readers of other kinds of text.
 #[derive(Clone, Debug, Default)]
 pub struct Stated {
     /// The robot's name.
@@ -312,7 +312,7 @@ fn reason(text: &str, error: &toml::de::Error) -> String {
 /// Largest sidecar file, bytes: it holds a handful of numbers.
 const SIDECAR_LIMIT: u64 = 1 << 20;
 
-/// What `<stem>.toml` and then `log.toml` beside `path` say, where they exist. Returns the files used.
+/// Reads `<stem>.toml` and then `log.toml` beside `path`, where they exist. Returns the files used.
 pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), LogError> {
     let mut metadata = Metadata::default();
     let mut used = Vec::new();

@@ -1,4 +1,4 @@
-//! What drives a motor besides its position target: gains of each sample, desired velocities, feed-forward torques.
+//! Commands of a motor besides its position target: gains of each sample, desired velocities, feed-forward torques.
 //!
 //! A motor board in "MIT mode" makes the torque kp (q_des − q) + kd (dq_des − dq) + τ_ff. With constant gains that is the
 //! torque of the position target q_des + (kd dq_des + τ_ff) / kp alone, which a log's target becomes.

@@ -2,7 +2,7 @@
 
 use gaitfit_model::shown;
 
-/// Most names of a list.
+/// Max number of names of a list.
 const MAX_NAMES: usize = 12;
 
 /// The names, each safe and short; of a long list the first twelve and how many more there are.

@@ -28,7 +28,7 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Largest number of columns taken.
     pub max_columns: usize,
-    /// Most numbers taken: rows times columns that are read. Each takes 8 bytes.
+    /// Max count of numbers taken: rows times columns that are read. Each takes 8 bytes.
     pub max_values: usize,
     /// Take one row of so many, the first among them. The rate is that of the rows that are taken.
     pub every: usize,
@@ -61,7 +61,7 @@ pub struct IgnoredColumn {
     pub reason: String,
 }
 
-/// What reading left out and where it found what.
+/// Columns and rows that reading left out or changed, and sources of what is stated.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ReadReport {
     /// Columns left out, in file order.
@@ -79,7 +79,7 @@ pub struct ReadReport {
     /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even_rows: Option<EvenRows>,
-    /// What reading changed or could not use, as the checks would put it.
+    /// Findings of the reader: columns that it changed or could not use.
     #[serde(skip)]
     pub noticed: Vec<Finding>,
     /// Whether roll, pitch and yaw were in degrees. The trajectory's orientation is made of them as such.
@@ -151,6 +151,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
     let assembled = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report);
     let (log, report) = match assembled {
         Ok(assembled) => assembled,
+        // A number in the wrong unit is the likelier cause, and its place is known.
         Err(error) => return Err(too_fast.or(too_far).unwrap_or(error)),
     };
     let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
@@ -221,11 +222,12 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
     ]
 }
 
-/// Places of roll, pitch, yaw and of the body rates among the channels.
+/// Place of roll, pitch and yaw in the list of [`channels`].
 const ANGLES: usize = 8;
+/// Place of the body rates in that list.
 const RATES: usize = 10;
 
-/// What the rows of a file hold.
+/// Content of the rows of a file.
 struct Rows {
     samples: Samples,
     /// The first hole in a channel of the inertial unit that has numbers elsewhere.
@@ -294,6 +296,7 @@ fn read_rows(
             if let Some(cell) = refuse(&values[start..]) {
                 return Err(refused(cell));
             }
+            // Kept and not refused at once: the whole log may show that the unit is a degree.
             if channel.columns == plan[RATES].columns && too_fast.is_none() {
                 too_fast = imu::fast(&values[start..]).map(refused);
             } else if channel.columns == plan[ANGLES].columns && too_far.is_none() {
@@ -310,6 +313,7 @@ fn read_rows(
     if samples.time.is_empty() {
         return Err(LogError::NoSamples { path: path.to_owned() });
     }
+    // A channel without any number is left out as a whole; that is no hole.
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);

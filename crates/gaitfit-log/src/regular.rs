@@ -42,6 +42,7 @@ impl Trajectory {
             return Ok(same());
         }
         let rows = (self.len() as f64) + spacing.lost.iter().map(|lost| lost.samples as f64).sum::<f64>();
+        // A row has four signals of each joint, time, command (3) and the base's state (13).
         if rows * (4 * self.joints.len() + 17) as f64 > RESAMPLE_LIMIT {
             return Err(LogError::Range {
                 what: "regular",

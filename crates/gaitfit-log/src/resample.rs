@@ -20,7 +20,7 @@ impl Trajectory {
     /// value that is set at a new sample's time may be stamped a little after it.
     ///
     /// # Errors
-    /// As there.
+    /// As of [`Trajectory::resample`].
     pub fn resample_early(&self, rate_hz: f64, early: f64) -> Result<Trajectory, LogError> {
         self.validate()?;
         self.require_increasing_time("resample")?;
@@ -36,6 +36,7 @@ impl Trajectory {
         }
         // A tolerance, so that a duration of a whole number of periods keeps its last sample.
         let periods = (self.duration() * rate_hz + 1e-6).floor();
+        // A row has four signals of each joint, time, command (3) and the base's state (13).
         if (periods + 1.0) * (4 * self.joints.len() + 17) as f64 > RESAMPLE_LIMIT {
             return Err(LogError::Range {
                 what: "resample",
@@ -49,6 +50,7 @@ impl Trajectory {
         let start = self.time[0];
         let time: Vec<f64> = (0..=periods as usize).map(|i| start + i as f64 / rate_hz).collect();
         // For each new time: the sample at or before it, and the fraction of the way to the next.
+        // A nanosecond covers rounding: a new time that is a sample's must not take the sample before.
         let last = |at: f64| self.time.partition_point(|known| *known <= at + 1e-9).saturating_sub(1);
         let measured = time.iter().map(|&at| {
             let before = last(at);
@@ -189,7 +191,7 @@ pub(crate) struct Places {
     pub curved: bool,
 }
 
-/// What a cubic with the slopes of the samples (a step long) adds to the straight line between two values.
+/// Returns what a cubic with the samples' slopes (for one step) adds to the straight line between two values.
 fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -> f64 {
     let rise = to - from;
     let rest = 1.0 - fraction;

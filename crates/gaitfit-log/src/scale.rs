@@ -7,8 +7,9 @@
 
 use crate::check::stats::{self, deviation, median};
 
-/// Length of a span, s, and its least and most samples.
+/// Length of a span, s.
 const SPAN_S: f64 = 0.2;
+/// Min and max number of samples of a span.
 const SPAN_SAMPLES: (usize, usize) = (4, 400);
 /// Fewer spans say nothing.
 const ENOUGH: usize = 20;
@@ -39,9 +40,10 @@ pub(crate) struct Scale {
 const SAMPLING: f64 = 1.25;
 /// Roughness from which on more makes no factor more doubtful.
 const MAX_ROUGH: f64 = 0.25;
-/// Sample interval, s, of logs at a policy's rate: their velocities are those of the ends of answers to steps, up to a tenth
-/// beside the mean.
+/// Sample interval of logs at a policy's rate, s, and more.
 pub(crate) const SLOW_S: f64 = 0.0099;
+/// Factor by which such sampling may put velocities off: they are those at the ends of answers to steps of the target,
+/// up to a tenth beside the mean.
 const SLOW: f64 = 1.1;
 
 impl Scale {
@@ -143,6 +145,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
     let roughness = if squared > 0.0 { (steps_squared / squared).min(MAX_ROUGH) } else { 0.0 };
     let scale = Scale {
         correlation,
+        // The geometric mean of both regressions.
         factor: deviation(&integrals) / deviation(&changes),
         error: ((1.0 - correlation * correlation).max(0.0) / independent).sqrt(),
         tolerance: TOLERANCE.max(if typical >= SLOW_S { SLOW } else { 0.0 }).max(1.0 + SAMPLING * roughness),

@@ -47,12 +47,12 @@ impl Estimate {
     }
 }
 
-/// What logs say of their sensors.
+/// Lags, biases and noise of the sensors, estimated from logs alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sensors {
-    /// How late joint velocities are behind positions, s.
+    /// Lag of joint velocities behind positions, s.
     pub velocity_lag: Option<Estimate>,
-    /// What the gyro reads beyond the rate at which the orientation turns, rad/s, base frame.
+    /// Bias: the gyro's reading less the rate at which the orientation turns, rad/s, base frame.
     pub gyro_bias: Option<[Estimate; 3]>,
     /// Smallest step of joint positions, rad.
     pub position_step: Option<f64>,
@@ -69,6 +69,7 @@ pub(crate) struct Ratio(BTreeMap<u64, [f64; 2]>);
 impl Ratio {
     fn add(&mut self, log: usize, time: f64, above: f64, below: f64) {
         if above.is_finite() && below.is_finite() {
+            // The log's number above, the block's below: blocks of two logs never mix.
             let block = ((log as u64) << 32) + (time / BLOCK_S).clamp(0.0, f64::from(u32::MAX)) as u64;
             let sums = self.0.entry(block).or_default();
             *sums = [sums[0] + above, sums[1] + below];
@@ -83,6 +84,7 @@ impl Ratio {
             return None;
         }
         let value = above / below;
+        // Standard error of a ratio of sums (Cochran 1977, "Sampling Techniques", chapter 6).
         let square: f64 = self.0.values().map(|[above, below]| (above - value * below).powi(2)).sum();
         let blocks = self.0.len() as f64;
         Some(Estimate { value, error: (square * blocks / (blocks - 1.0)).sqrt() / below.abs() })
@@ -90,7 +92,7 @@ impl Ratio {
 }
 
 impl Sensors {
-    /// Of logs of one robot.
+    /// Estimates from logs of one robot.
     pub fn new(logs: &[&Trajectory]) -> Self {
         Self {
             velocity_lag: velocity_lag(logs),
@@ -203,6 +205,7 @@ impl LagSums {
                     - log.known_lag() * change;
                 let bend = (q(sample + 2) - q(sample + 1)) / (time(sample + 2) - time(sample + 1))
                     - (q(sample) - q(sample - 1)) / (time(sample) - time(sample - 1));
+                // Instrument: the change of slopes, whose noise is that of other samples.
                 self.ratio.add(number, time(sample) - time(0), missing * bend, change * bend);
                 if missing.is_finite() && change.is_finite() {
                     let products = [missing * missing, missing * change, change * change];
@@ -265,6 +268,7 @@ fn position_step(logs: &[&Trajectory]) -> Option<f64> {
         for joint in 0..log.joints.len() {
             let column = log.column_at(Signal::Position, joint).unwrap_or_default();
             let steps = column.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            // Smaller steps are rounding of one number.
             smallest = steps.filter(|step| *step > 1e-9).fold(smallest, f64::min);
         }
     }
@@ -281,6 +285,7 @@ fn smallest(logs: &[&Trajectory], columns: impl Fn(&Trajectory) -> Vec<Vec<f64>>
             for part in column.chunks_exact(half) {
                 let third: Vec<f64> = part
                     .windows(4)
+                    // Third differences remove a motion that is a parabola in time. 1 + 9 + 9 + 1 = 20.
                     .map(|x| x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0])
                     .filter(|x| x.is_finite())
                     .collect();
@@ -291,6 +296,7 @@ fn smallest(logs: &[&Trajectory], columns: impl Fn(&Trajectory) -> Vec<Vec<f64>>
         }
     }
     levels.sort_by(f64::total_cmp);
+    // The median of the lower half: in the other parts fast motion adds to the noise.
     levels.truncate((levels.len() / 2).max(1));
     median(&mut levels)
 }

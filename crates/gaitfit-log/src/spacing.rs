@@ -25,7 +25,7 @@ pub struct Lost {
     pub samples: usize,
 }
 
-/// How the samples of a log follow each other.
+/// The interval between the samples of a log, and lost samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spacing {
     /// The interval, s: the slope of time over samples, lost ones counted.
@@ -53,6 +53,7 @@ pub fn spacing(time: &[f64]) -> Option<Spacing> {
     let mut lost = self::lost(time, step);
     // What is lost depends on the interval, and the interval on what is lost.
     for _ in 0..ROUNDS {
+        // Wrong counts of lost samples must not carry the interval away.
         let slope = slope(time, &lost).filter(|slope| (0.5..2.0).contains(&(slope / usual)));
         let refined = slope.filter(|slope| (slope / usual - 1.0).abs() > REFINED).unwrap_or(usual);
         let again = self::lost(time, refined);
@@ -82,6 +83,7 @@ pub fn spacing(time: &[f64]) -> Option<Spacing> {
 fn over_several(time: &[f64], usual: f64) -> f64 {
     let mut spans: Vec<f64> =
         time.windows(SEVERAL + 1).map(|span| (span[SEVERAL] - span[0]) / SEVERAL as f64).collect();
+    // A lost sample in a span makes its mean interval longer by 1 / SEVERAL.
     median(&mut spans).filter(|step| (step / usual - 1.0).abs() < 0.6 / SEVERAL as f64).unwrap_or(usual)
 }
 

@@ -31,7 +31,7 @@ const WINDOW: usize = 64;
 /// A loss of more than this share of the rows is a wrong rate.
 const LOSS: f64 = 0.2;
 
-/// Why stamps are too coarse.
+/// The fault of stamps that are too coarse.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CoarseStamps {
     /// The tick, s: every stamp is a multiple of it; 0 where there is none, and rows share stamps nevertheless.
@@ -66,7 +66,7 @@ impl std::fmt::Display for CoarseStamps {
 /// Rows that were spaced evenly, because their stamps had lost their digits.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EvenRows {
-    /// What was wrong with the stamps.
+    /// The fault of the stamps.
     pub coarse: CoarseStamps,
     /// Rows a second.
     pub rate_hz: f64,
@@ -86,7 +86,7 @@ impl std::fmt::Display for EvenRows {
     }
 }
 
-/// What stamps turn out to be.
+/// Result of examining stamps.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Stamps {
     /// As good as they need to be.
@@ -104,6 +104,7 @@ pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) 
     // Text may have rounded single precision again.
     let single: Vec<f64> = time.iter().map(|time| f64::from(*time as f32)).collect();
     let time = if coarse.single_precision { &single[..] } else { time };
+    // 1. Stamps within a tick of an even grid: the rows were even, and none is lost.
     if let Some((times, rate)) = even(time, coarse.tick_s, rate_hz) {
         let off_s = farthest(time, &times);
         return Stamps::Even(times, EvenRows { coarse, rate_hz: rate, lost: 0, off_s });
@@ -115,6 +116,7 @@ pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) 
     let Some(rate) = rate_hz else {
         return Stamps::Lost(coarse, "Where the rows were does not follow from them".to_owned());
     };
+    // 2. With the stated rate, lost rows are found too.
     match at_rate(time, coarse.tick_s, rate) {
         Ok((times, lost)) => {
             let off_s = farthest(time, &times);
@@ -132,7 +134,7 @@ pub fn rate_of_velocities(position: &[f64], velocity: &[f64], joints: usize) -> 
     shared_factor(&numbers, position, velocity, joints).filter(|rate| *rate >= 1.0)
 }
 
-/// What is wrong with the stamps, if they are too coarse.
+/// Returns the fault of the stamps, if they are too coarse.
 fn coarse(time: &[f64], is_new: impl Fn(usize) -> bool) -> Option<CoarseStamps> {
     if time.len() < ENOUGH {
         return None;
@@ -165,8 +167,9 @@ fn mean_step(time: &[f64]) -> f64 {
     (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64
 }
 
-/// What single precision rounds times of this size to, s.
+/// Returns the step of single precision for times of this size, s.
 fn single_tick(time: f64) -> f64 {
+    // The significand of single precision has 23 bits behind the leading one.
     if time > 0.0 { (time.log2().floor() - 23.0).exp2() } else { 0.0 }
 }
 
@@ -188,11 +191,13 @@ fn tick(time: &[f64]) -> Option<(f64, bool)> {
     if single >= HARMLESS * mean_step(time) && time.iter().all(|time| is_single(*time)) {
         return Some((single, true));
     }
+    // From 256 s, above the 128 s that single precision leaves of a Unix time, to 61 µs.
     let binary = (-8..=14).map(|power| (0.5f64.powi(power), true));
     let decimal = [10.0, 5.0, 2.0, 1.0]
         .into_iter()
         .flat_map(|digit| [1.0, 0.1, 0.01, 1e-3, 1e-4].map(|unit| digit * unit));
     let mut ticks: Vec<(f64, bool)> = binary.chain(decimal.map(|tick| (tick, false))).collect();
+    // The largest first: multiples of it are multiples of smaller ticks too.
     ticks.sort_by(|a, b| b.0.total_cmp(&a.0));
     let shortest = time
         .windows(2)
@@ -252,6 +257,7 @@ fn at_rate(time: &[f64], tick: f64, rate: f64) -> Result<(Vec<f64>, usize), Stri
         let offset = at - (row + missing) as f64 * step;
         let recent = &off[off.len().saturating_sub(WINDOW)..];
         let low = recent.iter().copied().fold(f64::INFINITY, f64::min);
+        // A row that is later than a tick allows, by the earliest of its neighbours, follows lost rows.
         let late = offset - (low + wide);
         let lost = if late > 0.0 { (late / step).ceil() } else { 0.0 };
         missing = missing.saturating_add(lost as usize);

@@ -60,7 +60,7 @@ impl std::fmt::Display for TimeUnit {
 pub struct ConvertedTime {
     /// The file's unit.
     pub unit: TimeUnit,
-    /// How it was recognised.
+    /// The reason for taking this unit.
     pub because: String,
 }
 
@@ -70,7 +70,7 @@ const POSSIBLE_HZ: (f64, f64) = (1.0, 10_000.0);
 const USUAL_HZ: (f64, f64) = (10.0, 1000.0);
 /// Relative error of a rate that still tells units apart.
 const NEAR: f64 = 0.4;
-/// Unix times between the years 2001 and 2128, s.
+/// Unix times between the years 2001 and 2128, s: the same numbers in another unit are not of this century.
 const UNIX_S: (f64, f64) = (1e9, 5e9);
 
 /// The unit of `time`, the values of a column that does not name its unit; `None`: seconds.
@@ -153,6 +153,7 @@ pub fn recognise(
 /// The interval between samples; of stamps that stand still for several rows the mean one.
 fn usual_step(time: &[f64]) -> Option<f64> {
     let standing = time.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    // Where more than one row of 20 repeats its stamp, the median interval is that of the ticks, or 0.
     if standing * 20 <= time.len() {
         return typical_step(time);
     }

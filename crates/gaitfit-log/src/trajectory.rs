@@ -25,7 +25,7 @@ pub struct Trajectory {
     /// Joint position targets of the PD controller, rad; of `velocity_joints` velocities, rad/s; `len × joints`; may be
     /// absent.
     pub target: Option<Vec<f64>>,
-    /// Those of `joints` whose targets are velocities, rad/s, such as wheels.
+    /// Names of the joints whose targets are velocities, rad/s, such as wheels.
     pub velocity_joints: Vec<String>,
     /// Policy actions (unitless); `len × joints`; may be absent.
     pub action: Option<Vec<f64>>,

@@ -14,6 +14,7 @@ impl Trajectory {
             for (row, &time) in self.time.iter().enumerate() {
                 let (angle, speed) =
                     (&mut self.position[row * width + joint], self.velocity[row * width + joint]);
+                // The trapezoidal rule: a wheel may turn by more than half a turn from row to row.
                 let expected = before.map_or(0.0, |[t, q, dq]| q + 0.5 * (time - t) * (dq + speed));
                 let turns = ((expected - *angle) / TAU).round();
                 if turns.is_finite() && turns != 0.0 {

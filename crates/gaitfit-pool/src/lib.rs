@@ -6,7 +6,8 @@ use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
 
 thread_local! {
-    /// Max number of threads that the present thread's work may use, itself among them.
+    /// Max number of threads that the present thread's work may use, itself among them; without limit on threads that
+    /// this crate did not start.
     static WIDTH: Cell<usize> = const { Cell::new(usize::MAX) };
 }
 
@@ -49,6 +50,7 @@ fn share_on<W: Send, J: Send>(
     jobs: impl Iterator<Item = J> + Send,
     work: impl Fn(&mut W, J) + Sync,
 ) {
+    // Work within work gets the threads of its job, not all of the machine.
     let threads = threads.min(WIDTH.get());
     let used = workers.len().min(threads.max(1));
     let width = threads.div_ceil(used.max(1));
@@ -56,6 +58,7 @@ fn share_on<W: Send, J: Send>(
     let run = |worker: &mut W| {
         let _restored = Width::set(width);
         loop {
+            // The lock is free again before the work begins.
             let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
             match job {
                 Some(job) => work(worker, job),
@@ -84,7 +87,7 @@ pub fn for_each<S: Send>(
     share_on(threads, &mut workers, 0..pieces, |own, piece| work(own.get_or_insert_with(&scratch), piece));
 }
 
-/// What `work` makes of every piece below `pieces`, in their order, on `threads` threads.
+/// Returns the results of `work` for every piece below `pieces`, in their order, on `threads` threads.
 pub fn map<R: Send>(pieces: usize, threads: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     map_each(0..pieces, (threads, threads), work)
 }

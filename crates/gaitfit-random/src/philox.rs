@@ -11,6 +11,7 @@ const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 pub fn philox4x32_10(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     let [mut c0, mut c1, mut c2, mut c3] = counter;
     let [mut k0, mut k1] = key;
+    // Seven rounds pass the tests of BigCrush; ten leave a margin (Salmon et al. 2011).
     for _ in 0..10 {
         let product0 = u64::from(MULTIPLIER[0]) * u64::from(c0);
         let product1 = u64::from(MULTIPLIER[1]) * u64::from(c2);

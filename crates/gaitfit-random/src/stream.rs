@@ -140,6 +140,7 @@ impl Stream {
     pub(crate) fn normal_pair(self, block: u32) -> [f64; 2] {
         let [u, v] = self.uniform_pair(block);
         // 1 − u lies in (0, 1] and is exact, so the logarithm is finite.
+        // The smallest 1 − u is 2⁻⁵³, hence |draw| ≤ √(2 · 53 · ln 2) = 8.6.
         let radius = (-2.0 * ln(1.0 - u)).sqrt();
         let (cosine, sine) = cos_sin_turns(v);
         [radius * cosine, radius * sine]

@@ -1,8 +1,8 @@
-//! What a robot's motors are told.
+//! Commands to a robot's motors.
 
 use crate::per_motor::PerMotor;
 
-/// What one motor is told: torque = kp (q − angle) + kd (dq − velocity) + tau.
+/// Command to one motor: torque = kp (q − angle) + kd (dq − velocity) + tau.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorCommand {
     /// Angle wanted, rad.
@@ -29,7 +29,7 @@ impl MotorCommand {
     }
 }
 
-/// What all motors are told, motor order.
+/// Commands to all motors, motor order.
 pub type Command = PerMotor<MotorCommand>;
 
 /// Damping with these velocity gains, N·m·s/rad: the motors resist motion and hold nothing. A Go2 sinks to the ground in about

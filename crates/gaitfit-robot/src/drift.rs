@@ -7,28 +7,31 @@ use std::path::{Path, PathBuf};
 
 use crate::run::{COMMAND, DIRECTIONS, Trial};
 
-/// Furthest that a robot may have come, m: what is beyond is likely centimetres.
+/// Furthest that a robot may have come, m: the fastest trial, 5 m/s for 4 s, leads 20 m. What is beyond is likely
+/// centimetres.
 const FURTHEST: f64 = 30.0;
-/// Furthest that it may have turned, rad: what is beyond is likely degrees.
+/// Furthest that it may have turned, rad: a little more than a whole turn. What is beyond is likely degrees.
 const MAX_TURNED: f64 = 7.0;
-/// Columns that a form must have, and those that say where the robot ended, with their factor to m and rad.
+/// Columns that a form must have.
 const NEEDED: [&str; 6] = ["trial", "direction", "vx", "vy", "wz", "seconds"];
+/// Columns that say where the robot ended, each in two units, with the factor to m or rad.
 const ENDS: [[(&str, f64); 2]; 3] = [
     [("x_m", 1.0), ("x_cm", 0.01)],
     [("y_m", 1.0), ("y_cm", 0.01)],
     [("heading_deg", std::f64::consts::PI / 180.0), ("heading_rad", 1.0)],
 ];
+/// Columns that a form may have.
 const OTHERS: [&str; 2] = ["fell", "note"];
 /// Largest form, bytes: hundreds of trials with long notes.
 const MAX_BYTES: u64 = 1 << 20;
 
-/// Why a form cannot be read: one line, with file and line.
+/// The reason why a form cannot be read: one line, with file and line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {problem}", path.display())]
 pub struct FormError {
     /// The form.
     pub path: PathBuf,
-    /// What is wrong, and what to do.
+    /// The problem, and what to do.
     pub problem: String,
 }
 
@@ -96,6 +99,7 @@ impl Form {
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        // Spreadsheets put a byte order mark before the text.
         let text = text.trim_start_matches('\u{feff}');
         let named = text.lines().find_map(|line| line.strip_prefix("# policy = "));
         let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
@@ -146,6 +150,7 @@ impl Columns {
         let at = |name: &str| header.iter().position(|cell| cell == name);
         let names = ENDS.iter().flatten().map(|(name, _)| *name);
         let known: Vec<&str> = NEEDED.into_iter().chain(names).chain(OTHERS).collect();
+        // A column that is passed over in silence may hold the numbers in another unit.
         if let Some(unknown) = header.iter().find(|cell| !known.contains(cell)) {
             return Err(format!(
                 "column `{}` is none of a form: {}. Units are part of the names",
@@ -190,6 +195,7 @@ impl Columns {
         };
         let [_, direction, parts @ .., seconds] = self.needed;
         let seconds = number(seconds, "seconds")?;
+        // A trial moves along one axis only, so its ideal end is command times time.
         let mut wanted = [0.0; 3];
         for ((wanted, column), name) in wanted.iter_mut().zip(parts).zip(["vx", "vy", "wz"]) {
             *wanted = number(column, name)? * seconds;

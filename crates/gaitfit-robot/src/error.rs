@@ -1,8 +1,8 @@
-//! What keeps a robot from being run.
+//! Errors that keep a robot from being run.
 
 use crate::guard::Reason;
 
-/// Why a robot is not run.
+/// The reason why a robot is not run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RobotError {
     /// A joint of the policy that the robot lacks, or one named twice.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::{Deref, DerefMut};
 
-/// Most motors of a robot: the slots of the largest message.
+/// Max number of motors of a robot: the slots of the largest message.
 pub const MAX_MOTORS: usize = 35;
 
 /// A value for each motor of a robot, motor order. Used as a slice; its length is the robot's number of motors.
@@ -26,7 +26,7 @@ impl<T: Copy + Default> PerMotor<T> {
         motors
     }
 
-    /// What `f` makes of each value.
+    /// Applies `f` to each value.
     pub fn map<U: Copy + Default>(&self, mut f: impl FnMut(T) -> U) -> PerMotor<U> {
         PerMotor::from_fn(self.count, |motor| f(self.values[motor]))
     }

@@ -1,4 +1,4 @@
-//! What a robot reports, in SI units and motor order.
+//! State of a robot, in SI units and motor order.
 
 use crate::per_motor::PerMotor;
 use crate::unitree::Remote;
@@ -59,7 +59,7 @@ pub enum Seal {
 /// A message of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// What it says.
+    /// The state in it.
     pub state: RobotState,
     /// Whether it arrived as it was sent.
     pub seal: Seal,

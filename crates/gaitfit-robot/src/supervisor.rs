@@ -8,12 +8,12 @@ use crate::guard::{GuardSettings, Limits, Reason, Watch};
 use crate::per_motor::PerMotor;
 use crate::state::{Reading, RobotState};
 
-/// What a robot is doing.
+/// Phase of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Nothing is sent.
     Idle,
-    /// To the lying posture, then up.
+    /// Moves to the lying posture, then stands up.
     StandUp,
     /// Stands with the policy's gains.
     Stand,
@@ -67,15 +67,15 @@ pub struct Postures {
 /// How long each state lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Times {
-    /// To the lying posture, wherever the legs are.
+    /// To the lying posture, wherever the legs are: only from there is the way up known.
     pub fold: Duration,
-    /// From lying to standing.
+    /// Time from lying to standing.
     pub rise: Duration,
-    /// From the gains of standing up to the policy's, standing.
+    /// Time of the change from the gains of standing up to the policy's, while standing.
     pub settle: Duration,
     /// From wherever a stride left the legs to standing, before they fold: a robot with two feet in the air tips over.
     pub gather: Duration,
-    /// To lying.
+    /// Time from standing to lying.
     pub lie_down: Duration,
     /// Damping before the last command.
     pub damping: Duration,
@@ -95,7 +95,8 @@ impl Default for Times {
     }
 }
 
-/// Share of the largest torque that damping may use.
+/// Share of the largest torque that damping may use. The rest is for a joint that turns faster by now than in the
+/// last state.
 const DAMPING_ROOM: f32 = 0.9;
 
 /// The states of a run and the guard before every command.
@@ -105,13 +106,13 @@ pub struct Supervisor {
     postures: Postures,
     times: Times,
     phase: Phase,
-    /// When the phase began.
+    /// Time at which the phase began.
     since: Duration,
     /// Joint angles from which the phase's motion begins, rad.
     from: PerMotor<f32>,
     /// How long the legs take to standing before they fold.
     gather: Duration,
-    /// When the last command was asked for.
+    /// Time of the last call of [`Supervisor::tick`].
     ticked: Option<Duration>,
     /// The policy's last targets (rad, or rad/s for wheels that roll), and when they came.
     targets: Option<(Duration, PerMotor<f32>)>,
@@ -144,12 +145,12 @@ impl Supervisor {
         }
     }
 
-    /// What the robot is doing.
+    /// Returns the current phase.
     pub fn phase(&self) -> Phase {
         self.phase
     }
 
-    /// Why it is in damping; `None` after an orderly end, and in other phases.
+    /// Returns the reason for damping; `None` after an orderly end, and in other phases.
     pub fn reason(&self) -> Option<&Reason> {
         self.reason.as_ref()
     }
@@ -200,11 +201,12 @@ impl Supervisor {
         self.stop(now, Reason::SecondController);
     }
 
-    /// To damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
+    /// Goes to damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
     pub fn stop(&mut self, now: Duration, reason: Reason) {
         match self.phase {
             Phase::Damping => {}
             Phase::Idle => {
+                // Unlike the reason in a bad message, this one stays when good messages follow.
                 self.reason.get_or_insert(reason);
             }
             _ => {
@@ -214,7 +216,7 @@ impl Supervisor {
         }
     }
 
-    /// From idle to standing up.
+    /// Begins to stand up, from idle.
     ///
     /// # Errors
     /// A rule that the robot's state fails, or that it is not idle.
@@ -252,7 +254,7 @@ impl Supervisor {
         }
     }
 
-    /// The walk is over: to lying down, from wherever the robot is.
+    /// Lies down, from wherever the robot is, as the walk is over.
     pub fn lie_down(&mut self, now: Duration) {
         if !matches!(self.phase, Phase::StandUp | Phase::Stand | Phase::Walk | Phase::Stop) {
             return;
@@ -271,12 +273,13 @@ impl Supervisor {
         }
     }
 
-    /// What to send at `now`: nothing while idle, else a command inside the limits. To be asked for at a steady rate.
+    /// Returns the command for `now`: nothing while idle, else one inside the limits. To be called at a steady rate.
     pub fn tick(&mut self, now: Duration) -> Option<Command> {
         if self.phase == Phase::Idle {
             return None;
         }
         let before = self.ticked.replace(now);
+        // In such a gap the motors kept to the last command, and nothing watched the robot.
         if let Some(gap) = before.map(|before| now.saturating_sub(before))
             && gap > self.watch.settings().late
         {
@@ -312,7 +315,7 @@ impl Supervisor {
         limits.admit(&wanted, state).unwrap_or(wanted)
     }
 
-    /// To the next phase, where this one is over.
+    /// Goes to the next phase if this one is over.
     fn advance(&mut self, now: Duration) {
         let elapsed = now.saturating_sub(self.since);
         match self.phase {
@@ -320,12 +323,14 @@ impl Supervisor {
                 (self.phase, self.since) = (Phase::Stand, now);
             }
             Phase::Stand if elapsed >= self.times.settle => {
+                // Old targets were made for a state that the robot has left.
                 let fresh = |(came, _)| now.saturating_sub(came) <= self.watch.settings().late_policy;
                 if self.targets.is_some_and(fresh) {
                     (self.phase, self.since) = (Phase::Walk, now);
                 }
             }
             Phase::Walk | Phase::Stop => {
+                // A policy that stopped acting would leave the robot with one target while it falls.
                 let age = self.targets.map_or(elapsed, |(came, _)| now.saturating_sub(came));
                 if age > self.watch.settings().late_policy {
                     self.stop(now, Reason::LatePolicy(1e3 * age.as_secs_f64()));
@@ -343,6 +348,7 @@ impl Supervisor {
         let Postures { lying, standing, stand_kp, stand_kd, .. } = &self.postures;
         let elapsed = now.saturating_sub(self.since);
         let part =
+            // A phase of length 0 is at its end at once.
             |length: Duration| (elapsed.as_secs_f32() / length.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f32| {
             PerMotor::from_fn(from.len(), |motor| MotorCommand {
@@ -365,6 +371,7 @@ impl Supervisor {
             }
             Phase::LieDown if elapsed < self.gather => between(&self.from, standing, part(self.gather)),
             Phase::LieDown => {
+                // The posture in which the phase before ended, so that targets do not jump.
                 let from = if self.gather.is_zero() { &self.from } else { standing };
                 let folded =
                     (elapsed - self.gather).as_secs_f32() / self.times.lie_down.as_secs_f32().max(1e-6);
@@ -378,6 +385,7 @@ impl Supervisor {
     fn policy(&self, targets: &PerMotor<f32>, part: f32) -> Command {
         let Postures { stand_kp, stand_kd, kp, kd, rolls, .. } = &self.postures;
         PerMotor::from_fn(targets.len(), |motor| {
+            // A wheel's kp is 0, so its angle target has no effect.
             let (q, dq) = if rolls[motor] { (0.0, targets[motor]) } else { (targets[motor], 0.0) };
             MotorCommand {
                 q,

@@ -6,8 +6,9 @@ use std::borrow::Cow;
 const MAX: usize = 4000;
 /// Characters of its end that are kept: the remedy is there.
 const END: usize = 800;
-/// Digits of a number that a message shows, and how many there may be before it is cut.
+/// Digits of a number that is cut.
 const SHOWN_DIGITS: usize = 12;
+/// Digits from which on a number is cut.
 const MAX_DIGITS: usize = 40;
 /// Digits up to which a number is shown as it is: no whole number of 64 bits has more.
 const PLAIN_DIGITS: usize = 20;
@@ -71,6 +72,7 @@ fn fraction(digits: &str) -> Option<String> {
 
 /// `123` and 300 as `1.23e300`; `None` if there are more digits than a double has.
 fn scientific(significant: &str, exponent: i64) -> Option<String> {
+    // A double is determined by 17 significant digits.
     const DOUBLE: usize = 17;
     let first = significant.get(..1).filter(|_| significant.len() <= DOUBLE)?;
     let others = &significant[1..];

@@ -1,22 +1,22 @@
-//! Why work on files or in a run folder stopped.
+//! Errors of work on files or in a run folder.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Why work on files or in a run folder stopped: the text is one paragraph that names the object and what to do.
+/// The reason why work on files or in a run folder stopped: one paragraph that names the object and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A file or folder cannot be read or written.
     #[error("cannot {access} {}: {source}{remedy}", path.display())]
     File {
-        /// What was tried.
+        /// Access that was tried.
         access: Access,
         /// The file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: std::io::Error,
-        /// What to do, with the punctuation before it; may be empty.
+        /// Remedy, with the punctuation before it; may be empty.
         remedy: String,
     },
     /// A file holds something else than it should.
@@ -24,7 +24,7 @@ pub enum Error {
     Content {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and what to do.
+        /// The problem, and what to do.
         problem: String,
     },
     /// A setting is wrong, or does not fit the inputs.
@@ -32,7 +32,7 @@ pub enum Error {
     Settings {
         /// The setting, such as `optimizer.seeds`, where one can be named.
         key: Option<String>,
-        /// What is wrong, and what to do.
+        /// The problem, and what to do.
         message: String,
     },
     /// A run cannot continue: it was begun with other settings or inputs.
@@ -45,7 +45,7 @@ pub enum Error {
     Changed {
         /// The run's folder.
         folder: PathBuf,
-        /// What differs, in words.
+        /// The difference, in words.
         difference: String,
     },
     /// A run is finished, and its inputs have changed since.
@@ -53,13 +53,13 @@ pub enum Error {
     Outdated {
         /// The run's folder.
         folder: PathBuf,
-        /// What differs, in words.
+        /// The difference, in words.
         difference: String,
     },
     /// The caller asked to stop.
     #[error("{message}")]
     Interrupted {
-        /// What was kept, and how to continue.
+        /// Results that were kept, and how to continue.
         message: String,
         /// The folder that keeps what was done; `None` if nothing was.
         kept: Option<PathBuf>,
@@ -69,7 +69,7 @@ pub enum Error {
     Failed(String),
 }
 
-/// What was tried with a file.
+/// Access to a file that was tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Reading it.
@@ -80,7 +80,7 @@ pub enum Access {
     Make,
 }
 
-/// Which kind of trouble an error is: programs end with another code for each.
+/// Kind of an error: programs end with another code for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
     /// An input is broken, or the work failed.
@@ -120,7 +120,7 @@ impl Error {
         Self::Content { path: path.to_owned(), problem: problem.to_string() }
     }
 
-    /// Which kind of trouble it is.
+    /// Returns the kind of the error.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Settings { .. } | Self::Changed { .. } | Self::Outdated { .. } => ErrorKind::Settings,

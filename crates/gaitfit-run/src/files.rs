@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 pub use gaitfit_log::regular_file::{read, read_text, regular};
 
-/// Most bytes of a file that a run may have written, and of one that is only hashed.
+/// Max number of bytes of a file that a run may have written, and of one that is only hashed.
 pub const MAX_BYTES: u64 = 2 << 30;
 
 /// A file that a command writes.
@@ -15,9 +15,9 @@ pub const MAX_BYTES: u64 = 2 << 30;
 pub struct Output<'a> {
     /// Where.
     pub path: &'a Path,
-    /// What names it on the command line, such as `--report`.
+    /// Option that names it on the command line, such as `--report`.
     pub option: &'a str,
-    /// How its name must end, without the dot; none takes any.
+    /// Ending that its name must have, without the dot; `None` takes any.
     pub ending: Option<&'a str>,
 }
 
@@ -93,7 +93,7 @@ fn place(path: &Path) -> PathBuf {
     })
 }
 
-/// What to do about an error that says that a file has no room; else nothing.
+/// Returns a remedy for an error that says that a file has no room; else nothing.
 pub(crate) fn room(error: &io::Error) -> &'static str {
     match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {

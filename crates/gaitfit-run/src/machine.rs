@@ -1,4 +1,4 @@
-//! What this machine is: for `doctor` and the run's manifest.
+//! Description of this machine: for `doctor` and the run's manifest.
 
 use serde::Serialize;
 

@@ -16,11 +16,11 @@ const MAX_ENTRIES: usize = 10_000;
 pub struct PolicyFile {
     /// Where it is.
     pub path: PathBuf,
-    /// Which of several was taken, in words.
+    /// Which of several policies was taken, in words.
     pub note: Option<String>,
 }
 
-/// What of `result.json` says which policy is the best.
+/// Part of `result.json` that shows which policy is the best.
 #[derive(Deserialize)]
 struct Results {
     results: Outcome,
@@ -123,7 +123,7 @@ fn seeds(folder: &Path) -> Vec<u64> {
     seeds
 }
 
-/// That a folder has no policy.
+/// Makes the error of a folder without a policy.
 fn none(folder: &Path) -> Error {
     let shown = folder.display();
     let fit = folder.join("theta.toml").is_file();

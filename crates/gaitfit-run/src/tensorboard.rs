@@ -8,12 +8,13 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// What the first record of every file says.
+/// Version in the first record of every file.
 const VERSION: &str = "brain.Event:2";
 /// Largest record; scalars need far less.
 const MAX_BYTES: u64 = 16 << 20;
-/// Bytes of a record besides its payload: before it, and after it.
+/// Bytes of a record before its payload: the length and its checksum.
 const HEAD: u64 = 12;
+/// Bytes of a record after its payload: the payload's checksum.
 const TAIL: u64 = 4;
 
 #[derive(Clone, PartialEq, Message)]
@@ -55,7 +56,7 @@ impl EventFile {
     /// step after `last_step`, which a resumed run writes again.
     ///
     /// # Errors
-    /// What the system says, and `InvalidData` for a file of something else.
+    /// The system's error, and `InvalidData` for a file of something else.
     pub fn open(path: &Path, last_step: Option<u64>) -> io::Result<Self> {
         match crate::files::regular(path) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
@@ -76,7 +77,7 @@ impl EventFile {
     /// Appends one record of scalars, stored as `f32`; `wall_time` in seconds since 1970.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn scalars(&mut self, step: u64, wall_time: f64, scalars: &[(&str, f64)]) -> io::Result<()> {
         let value =
             |&(tag, value): &(&str, f64)| Value { tag: tag.to_owned(), simple_value: Some(value as f32) };
@@ -101,12 +102,13 @@ fn record(event: &Event) -> Vec<u8> {
     record
 }
 
-/// What every file begins with.
+/// Returns the first record of every file.
 fn first_record() -> Vec<u8> {
     record(&Event { file_version: Some(VERSION.to_owned()), ..Event::default() })
 }
 
-/// CRC-32C, rotated and offset, so that a checksum of data with checksums in it is none of them.
+/// CRC-32C, rotated and offset as TensorFlow's crc32c.h does it, so that a checksum of data with checksums in it is
+/// none of them.
 fn masked_crc(bytes: &[u8]) -> u32 {
     crc32c::crc32c(bytes).rotate_right(15).wrapping_add(0xa282_ead8)
 }

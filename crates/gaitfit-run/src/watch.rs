@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Least time between two steps of work that many threads do.
 const STEP_EVERY: Duration = Duration::from_millis(100);
 
-/// What a stage tells its caller.
+/// Message of a stage to its caller.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Event<'a> {
@@ -33,13 +33,13 @@ pub enum Event<'a> {
 /// Countable work that begins.
 #[derive(Clone, Copy, Debug)]
 pub struct Work<'a> {
-    /// What is counted, in the singular, for example `generation`.
+    /// Unit of the count, in the singular, for example `generation`.
     pub what: &'a str,
     /// How many there are.
     pub total: usize,
     /// How many were done before this session.
     pub first: usize,
-    /// What the work is made of, in the plural, for the speed, for example `evaluations`.
+    /// Parts of the work, in the plural, for the speed, for example `evaluations`.
     pub parts: &'a str,
     /// The seed of a training; absent for other work.
     pub seed: Option<u64>,
@@ -52,7 +52,7 @@ pub struct Step<'a> {
     pub done: usize,
     /// How many parts the last one had.
     pub parts: usize,
-    /// How good it is so far, in a few words.
+    /// Quality so far, in a few words.
     pub state: &'a str,
 }
 
@@ -80,6 +80,7 @@ impl<'a> Watch<'a> {
     /// Passes an event on.
     pub fn tell(&self, event: Event<'_>) {
         if (self.callback)(event).is_break() {
+            // Relaxed: the flag is all that threads share here, and a turn later is soon enough.
             self.stopped.store(true, Ordering::Relaxed);
         }
     }
@@ -155,9 +156,9 @@ impl<'a> Watch<'a> {
 /// How much work there is that many threads share.
 #[derive(Clone, Copy, Debug)]
 pub struct Amount<'a> {
-    /// What is counted, in the singular, for example `simulated second`.
+    /// Unit of the count, in the singular, for example `simulated second`.
     pub what: &'a str,
-    /// The same in the plural, for the speed.
+    /// The unit in the plural, for the speed.
     pub parts: &'a str,
     /// How many there are.
     pub total: usize,

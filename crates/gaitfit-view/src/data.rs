@@ -1,8 +1,8 @@
-//! What several pages show and results keep: settings, links, doubts, estimates and drift.
+//! Data that several pages show and results keep: settings, links, doubts, estimates and drift.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Why no page came out.
+/// The reason why no page came out.
 #[derive(Debug, thiserror::Error)]
 pub enum ReportError {
     /// The page template and the data disagree: a defect of this crate, not of the data.
@@ -22,27 +22,27 @@ pub struct Setting {
 /// A file to look at.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Link {
-    /// What it says.
+    /// Text of the link.
     pub text: String,
     /// A relative path with `/` between its parts, e.g. `seed-1/replay.html`. Anything that leads elsewhere (a
     /// scheme, an absolute path, `..`) is shown as text only.
     pub path: String,
 }
 
-/// Why a result must not be taken as it stands. A page says its doubts first, in large print, before any number.
+/// A reason for not trusting a result. A page says its doubts first, in large print, before any number.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Doubt {
-    /// What is wrong.
+    /// Kind of the problem.
     pub kind: DoubtKind,
     /// The evidence, in a sentence or two; empty: what the kind means in general.
     #[serde(default)]
     pub text: String,
-    /// What only those want to read who mend it, e.g. a program's error message; a page folds it away.
+    /// Details for whoever mends it, e.g. a program's error message; a page folds them away.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub details: String,
 }
 
-/// What can be wrong with a result, in the order in which pages say it: what it was measured on, then the worst first.
+/// Problems of a result, in the order in which pages say them: what it was measured on, then the worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DoubtKind {
@@ -80,7 +80,7 @@ impl Doubt {
         Doubt { kind, text: text.into(), details: String::new() }
     }
 
-    /// With details that a page folds away.
+    /// Adds details that a page folds away.
     #[must_use]
     pub fn with_details(self, details: impl Into<String>) -> Doubt {
         Doubt { details: details.into(), ..self }
@@ -107,7 +107,7 @@ impl DoubtKind {
         }
     }
 
-    /// What it means, for doubts that bring no evidence.
+    /// Returns its meaning, for doubts that bring no evidence.
     pub fn meaning(self) -> &'static str {
         match self {
             DoubtKind::RobotAbsent => {

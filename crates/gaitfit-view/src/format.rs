@@ -1,11 +1,11 @@
 //! Numbers and untrusted names as text for people.
 
-/// What stands for a number nobody knows.
+/// Text for a number that is not known.
 pub(crate) const UNKNOWN: &str = "–";
 
 /// Longest name printed in full, characters; the rest becomes "…".
 const LONGEST_NAME: usize = 200;
-/// The same for sentences and settings.
+/// Longest sentence or setting printed in full, characters.
 const LONGEST_PROSE: usize = 4000;
 
 /// `x` with `digits` significant digits; powers of ten outside 10⁻⁴ … 10⁶.

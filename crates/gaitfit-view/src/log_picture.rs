@@ -11,11 +11,12 @@ use serde::Serialize;
 const JOINTS: usize = 64;
 /// Points of a line at most.
 const POINTS: usize = 480;
-/// Size of a panel and height of the heading, user units.
+/// Size of a panel, user units.
 const PANEL: (f64, f64) = (400.0, 176.0);
+/// Height of the heading, user units.
 const HEADING: f64 = 54.0;
 
-/// What the picture shows. Names are untrusted; positions are in rad, times in s.
+/// Content of the picture. Names are untrusted; positions are in rad, times in s.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogPicture {
     /// Heading, e.g. the log's file name.
@@ -98,7 +99,7 @@ struct Page {
     marked: bool,
 }
 
-/// The same as a page: one HTML file that opens offline, with as many panels a row as its window has room for.
+/// Renders the same as a page: one HTML file that opens offline, with as many panels a row as its window has room for.
 ///
 /// # Errors
 /// [`ReportError::Template`] if the embedded template cannot be filled in.

@@ -40,6 +40,7 @@ pub(super) fn read(
         frame,
         budget,
     };
+    // Rows are kept as numbers of 4 bytes.
     u32::try_from(batch.frame.rows.saturating_add(rows)).map_err(|_| TableError::ManyRows)?;
     for field in fields {
         batch.field(field, rows, None, None)?;
@@ -204,6 +205,7 @@ impl<'a> Batch<'a, '_> {
             .ok_or_else(|| damaged(CUT))?;
         let Some(codec) = self.packed.filter(|_| !bytes.is_empty()) else { return Ok(Cow::Borrowed(bytes)) };
         let (size, bytes) = bytes.split_first_chunk::<8>().ok_or_else(|| damaged(CUT))?;
+        // −1: this buffer is not packed, as packing would not have made it smaller (Arrow's Message.fbs).
         if i64::from_le_bytes(*size) == -1 {
             return Ok(Cow::Borrowed(bytes));
         }

@@ -7,7 +7,7 @@ use crate::problem::Problem;
 
 const CUT: &str = "a page is cut short";
 
-/// How a column's numbers lie in its pages.
+/// Type of a column's numbers in its pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Physical {
     Bool,
@@ -79,6 +79,7 @@ pub(super) fn varint(bytes: &mut &[u8]) -> Result<u64, Problem> {
 fn packed(bytes: &[u8], width: usize, index: usize) -> u64 {
     let begin = index * width;
     let mut value = 0u128;
+    // 64 bits that begin inside a byte reach into nine bytes.
     for (i, byte) in bytes.iter().skip(begin / 8).take(9).enumerate() {
         value |= u128::from(*byte) << (8 * i);
     }
@@ -103,6 +104,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         if wanted == 0 {
             return Err(damaged(CUT).into());
         }
+        // The lowest bit tells a run of one number from groups of eight packed ones.
         if header & 1 == 0 {
             let size = width.div_ceil(8);
             let run = bytes.get(..size).ok_or_else(|| damaged(CUT))?;
@@ -180,10 +182,12 @@ pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result
 /// `count` integers by their differences, in packed blocks (DELTA_BINARY_PACKED).
 pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Result<Values, Problem> {
     let bytes = &mut bytes;
+    // 0, −1, 1, −2, … are written as 0, 1, 2, 3, …, so that small numbers take few bits.
     let zigzag = |value: u64| (value >> 1) as i64 ^ -((value & 1) as i64);
     let block = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
     let parts = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
     let total = usize::try_from(varint(bytes)?).map_err(|_| damaged(CUT))?;
+    // The header: values in a block, parts of a block, values in all, the first value. Usual blocks have 128 values.
     if parts == 0 || parts > 1 << 16 || block == 0 || block > 1 << 24 || block % parts != 0 || total < count {
         return Err(damaged(CUT).into());
     }
@@ -210,6 +214,7 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
             *bytes = rest;
             for i in 0..each.min(count - out.len()) {
                 let difference = packed(group, width, i) as i64;
+                // The format lets differences wrap around.
                 value = value.wrapping_add(min).wrapping_add(difference);
                 out.push(physical.integer(value));
             }

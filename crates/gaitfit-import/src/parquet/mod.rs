@@ -14,7 +14,7 @@ use gaitfit_model::shown;
 use polars_parquet_format::FileMetaData;
 use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 
-/// Most bytes that the footer may make.
+/// Max number of bytes that the footer may make.
 const MAX_FOOTER: usize = 256 << 20;
 
 /// The columns of the file.

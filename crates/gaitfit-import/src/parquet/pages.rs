@@ -11,7 +11,7 @@ use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
 use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHeader, PageType};
 use std::borrow::Cow;
 
-/// Most bytes that a page's header may make: it holds names and statistics.
+/// Max number of bytes that a page's header may make: it holds names and statistics.
 const MAX_HEADER: usize = 1 << 20;
 const CUT: &str = "a page is cut short";
 
@@ -25,6 +25,7 @@ pub(super) fn read(
     budget: &mut Budget,
 ) -> Result<usize, Problem> {
     let place = |offset: i64| usize::try_from(offset).ok().filter(|at| *at < file.len());
+    // No page begins at 0, where the file's magic bytes are.
     let begin = match chunk.dictionary_page_offset.filter(|offset| *offset > 0) {
         Some(offset) => place(offset.min(chunk.data_page_offset)),
         None => place(chunk.data_page_offset),
@@ -60,6 +61,7 @@ pub(super) fn read(
             let there = present(&defined, leaf, count);
             let decoded = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
             row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
+            // A page of no values counts as one, so that a file of such pages ends.
             values += count.max(1);
         } else if header.type_ == PageType::DATA_PAGE_V2 {
             let head = header.data_page_header_v2.ok_or_else(|| damaged(CUT))?;
@@ -72,6 +74,7 @@ pub(super) fn read(
             let defined = hybrid(defined, width(leaf.defined), count)?;
             let levels =
                 head.repetition_levels_byte_length.saturating_add(head.definition_levels_byte_length);
+            // In pages of the second version the levels are not packed, but count in the stated size.
             let packed = match head.is_compressed {
                 Some(false) => Packed { codec: CompressionCodec::UNCOMPRESSED, size: 0 },
                 _ => Packed { size: packed.size.saturating_sub(levels), ..packed },
@@ -140,6 +143,7 @@ fn decode(
             if count == 0 { Ok(Values::Integers(Vec::new())) } else { dictionary(page, entries, count) }
         }
         (Encoding::RLE, Physical::Bool) => {
+            // The first 4 bytes are the length of what follows.
             let bits = hybrid(page.get(4..).ok_or_else(|| damaged(CUT))?, 1, count)?;
             Ok(Values::Integers(bits.into_iter().map(i64::from).collect()))
         }
@@ -194,7 +198,7 @@ fn place_values(
     Ok(row)
 }
 
-/// How a page is packed.
+/// Compression of a page.
 #[derive(Clone, Copy)]
 struct Packed {
     codec: CompressionCodec,

@@ -13,9 +13,9 @@ const MAX_DEPTH: usize = 32;
 pub(super) struct Leaf {
     /// Names of its groups and itself, `/` between; without the names that lists give to their inside.
     pub name: String,
-    /// How its numbers lie.
+    /// Type of its numbers.
     pub physical: Physical,
-    /// Why it is not read, if it is not.
+    /// The reason for not reading it.
     pub refused: Option<&'static str>,
     /// Largest definition level: that of a value.
     pub defined: u32,
@@ -23,7 +23,7 @@ pub(super) struct Leaf {
     pub repeated: u32,
     /// Definition level of a place in a list.
     pub in_list: u32,
-    /// Of times: units a second.
+    /// For times: the number of units in a second.
     pub per_second: Option<f64>,
 }
 
@@ -112,7 +112,7 @@ fn is_list(element: &SchemaElement) -> bool {
         || matches!(element.logical_type, Some(LogicalType::LIST(_)))
 }
 
-/// How the numbers lie, or why they are not read.
+/// Returns the type of the numbers, or why they are not read.
 fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
     let unsigned =
         [ConvertedType::UINT_8, ConvertedType::UINT_16, ConvertedType::UINT_32, ConvertedType::UINT_64];

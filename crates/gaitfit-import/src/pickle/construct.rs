@@ -27,10 +27,10 @@ pub(crate) struct Tensor {
     pub stride: Vec<usize>,
 }
 
-/// Most axes of an array.
+/// Max number of axes of an array.
 const MAX_AXES: usize = 16;
 
-/// What `function(*arguments)` gives.
+/// Computes `function(*arguments)` for the functions that logs need.
 pub(crate) fn call(
     nodes: &[Node],
     function: Id,
@@ -148,7 +148,7 @@ fn short(name: &str) -> &str {
     }
 }
 
-/// What an object becomes with its state; `None`: what it is.
+/// Returns what an object becomes with its state; `None`: it stays as it is.
 pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node>, PickleError> {
     match (&nodes[object], &nodes[state]) {
         // NumPy's array: version, shape, dtype, Fortran order, content.
@@ -200,6 +200,7 @@ fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, PickleError> {
 }
 
 fn size(number: f64) -> Result<usize, PickleError> {
+    // Whole numbers below 2⁵³ (9e15) are exact in a double.
     if number >= 0.0 && number.fract() == 0.0 && number < 1e15 {
         Ok(number as usize)
     } else {
@@ -207,7 +208,7 @@ fn size(number: f64) -> Result<usize, PickleError> {
     }
 }
 
-/// What PyTorch's persistent id ("storage", type, key, device, count) names.
+/// Returns the storage that PyTorch's persistent id ("storage", type, key, device, count) names.
 pub(crate) fn storage(nodes: &[Node], id: Id) -> Result<Node, PickleError> {
     let wrong = || PickleError::Reference;
     let Node::List(parts) = &nodes[id] else { return Err(wrong()) };

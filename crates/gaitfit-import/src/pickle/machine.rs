@@ -7,7 +7,7 @@ use crate::problem::Problem;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Most objects of a pickle. Each takes some tens of bytes.
+/// Max number of objects of a pickle. Each takes some tens of bytes.
 pub(super) const MAX_NODES: usize = 20_000_000;
 
 /// Number of an object.
@@ -97,16 +97,20 @@ impl<'a> Machine<'a> {
     /// The number that an instruction pushes.
     fn number(&mut self, op: u8) -> Result<Option<f64>, PickleError> {
         Ok(Some(match op {
+            // NEWTRUE, NEWFALSE.
             0x88 => 1.0,
             0x89 => 0.0,
+            // INT; protocol 0 writes true and false as 01 and 00.
             b'I' => match self.line()? {
                 "01" => 1.0,
                 "00" => 0.0,
                 line => parse(line)?,
             },
+            // BININT, BININT1, BININT2.
             b'J' => f64::from(i32::from_le_bytes(self.array()?)),
             b'K' => f64::from(self.byte()?),
             b'M' => f64::from(u16::from_le_bytes(self.array()?)),
+            // LONG, LONG1, LONG4.
             b'L' => parse(self.line()?.trim_end_matches('L'))?,
             0x8a => {
                 let size = usize::from(self.byte()?);
@@ -116,6 +120,7 @@ impl<'a> Machine<'a> {
                 let size = self.size4()?;
                 long(self.take(size)?)?
             }
+            // FLOAT, BINFLOAT.
             b'F' => parse(self.line()?)?,
             b'G' => f64::from_be_bytes(self.array()?),
             _ => return Ok(None),
@@ -125,8 +130,10 @@ impl<'a> Machine<'a> {
     /// The text that an instruction pushes.
     fn text_operand(&mut self, op: u8) -> Result<Option<&'a [u8]>, PickleError> {
         let size = match op {
+            // STRING, UNICODE.
             b'S' => return Ok(Some(self.line()?.trim_matches(['\'', '"']).as_bytes())),
             b'V' => return Ok(Some(self.line()?.as_bytes())),
+            // BINSTRING, BINUNICODE; SHORT_BINSTRING, SHORT_BINUNICODE; BINUNICODE8.
             b'T' | b'X' => self.size4()?,
             b'U' | 0x8c => usize::from(self.byte()?),
             0x8d => self.size8()?,
@@ -138,6 +145,7 @@ impl<'a> Machine<'a> {
     /// The number of bytes that an instruction pushes.
     fn size_of_bytes(&mut self, op: u8) -> Result<Option<usize>, PickleError> {
         Ok(Some(match op {
+            // BINBYTES, SHORT_BINBYTES; BINBYTES8, BYTEARRAY8.
             b'B' => self.size4()?,
             b'C' => usize::from(self.byte()?),
             0x8e | 0x96 => self.size8()?,
@@ -148,8 +156,10 @@ impl<'a> Machine<'a> {
     /// The list or dictionary that an instruction makes of what lies on the stack.
     fn collection(&mut self, op: u8) -> Result<Option<Node>, PickleError> {
         Ok(Some(match op {
+            // EMPTY_TUPLE, EMPTY_LIST, EMPTY_SET; EMPTY_DICT.
             b')' | b']' | 0x8f => Node::List(Vec::new()),
             b'}' => Node::Dict(Vec::new()),
+            // LIST, TUPLE, FROZENSET; TUPLE1 to TUPLE3; DICT.
             b'l' | b't' | 0x91 => Node::List(self.pop_mark()?),
             0x85..=0x87 => Node::List(self.pop_many(usize::from(op - 0x84))?),
             b'd' => Node::Dict(pairs(&self.pop_mark()?)?),
@@ -160,6 +170,7 @@ impl<'a> Machine<'a> {
     /// Where an instruction keeps the top of the stack.
     fn stored_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
+            // PUT, BINPUT, LONG_BINPUT, MEMOIZE.
             b'p' => self.line()?.parse().map_err(|_| PickleError::MemoNumber)?,
             b'q' => u64::from(self.byte()?),
             b'r' => self.size4()? as u64,
@@ -171,6 +182,7 @@ impl<'a> Machine<'a> {
     /// Where an instruction finds what was kept.
     fn remembered_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
+            // GET, BINGET, LONG_BINGET.
             b'g' => self.line()?.parse().map_err(|_| PickleError::MemoNumber)?,
             b'h' => u64::from(self.byte()?),
             b'j' => self.size4()? as u64,
@@ -184,15 +196,18 @@ impl<'a> Machine<'a> {
             // PROTO, FRAME: nothing to do.
             0x80 => drop(self.take(1)?),
             0x95 => drop(self.take(8)?),
+            // MARK.
             b'(' => self.marks.push(self.stack.len()),
             // POP drops a mark if nothing lies on it.
             b'0' if self.marks.last() == Some(&self.stack.len()) => drop(self.marks.pop()),
             b'0' => drop(self.pop()?),
+            // POP_MARK, DUP.
             b'1' => drop(self.pop_mark()?),
             b'2' => {
                 let top = self.top()?;
                 self.stack.push(top);
             }
+            // APPEND; APPENDS, ADDITEMS; SETITEM; SETITEMS.
             b'a' => {
                 let items = self.pop_many(1)?;
                 self.append(items)?;
@@ -217,6 +232,7 @@ impl<'a> Machine<'a> {
     /// Instructions that name classes and functions, or make objects of them.
     fn object(&mut self, op: u8, budget: &mut Budget) -> Result<(), Problem> {
         match op {
+            // NONE, GLOBAL, STACK_GLOBAL, BINPERSID.
             b'N' => self.push(Node::None)?,
             b'c' => {
                 let (module, name) = (self.line()?, self.line()?);
@@ -236,6 +252,7 @@ impl<'a> Machine<'a> {
                 let storage = construct::storage(&self.nodes, id)?;
                 self.push(storage)?;
             }
+            // REDUCE, NEWOBJ, BUILD.
             b'R' | 0x81 => {
                 let parts = self.pop_many(2)?;
                 let made = construct::call(&self.nodes, parts[0], parts[1], budget)?;
@@ -384,6 +401,7 @@ fn parse(text: &str) -> Result<f64, PickleError> {
 
 /// An integer of any length, little-endian two's complement.
 fn long(bytes: &[u8]) -> Result<f64, PickleError> {
+    // Far beyond the largest double; a power of 256 of more bytes is infinite anyway.
     if bytes.len() > 1024 {
         return Err(PickleError::LongInteger);
     }

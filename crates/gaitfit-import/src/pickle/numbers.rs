@@ -1,4 +1,4 @@
-//! From a pickle's objects to named arrays.
+//! Makes named arrays of a pickle's objects.
 
 use super::PickleError;
 use super::construct::{RawArray, Tensor};
@@ -12,9 +12,9 @@ use std::rc::Rc;
 
 /// Deepest dictionary in dictionaries.
 const DEEPEST: usize = 8;
-/// Most named arrays.
+/// Max number of named arrays.
 const MAX_ARRAYS: usize = 10_000;
-/// Most objects looked at: objects that hold each other are seen more than once.
+/// Max number of objects looked at: objects that hold each other are seen more than once.
 const MAX_VISITS: usize = 1_000_000;
 
 /// Gives the bytes of a PyTorch storage.

@@ -6,7 +6,7 @@ use super::value::Value;
 
 /// Deepest type in types.
 pub(super) const DEEPEST: usize = 32;
-/// Most elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
+/// Max number of elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
 const MAX_ELEMENTS: usize = 4_000_000;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.
 const MAX_KEPT: usize = 1 << 16;
@@ -24,6 +24,7 @@ struct Reader<'a> {
 pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, MessageError> {
     let (head, bytes) = message.split_at_checked(4).ok_or(MessageError::NoHead)?;
     let (big, most_alignment) = match [head[0], head[1]] {
+        // CDR, big and little endian; then XCDR2, in which numbers of 8 bytes are aligned to 4.
         [0, 0] => (true, 8),
         [0, 1] => (false, 8),
         [0, 6] => (true, 4),
@@ -32,6 +33,7 @@ pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, MessageEr
             return Err(MessageError::Cdr([head[0], head[1]]));
         }
     };
+    // Types without content take no bytes, so the message's length alone does not bound the number of elements.
     let fuel = (bytes.len() * 8 + 10_000).min(MAX_ELEMENTS);
     Reader { bytes, at: 0, big, most_alignment, fuel }.structure(schema, 0, 0)
 }
@@ -64,6 +66,7 @@ impl<'a> Reader<'a> {
             Base::Text => {
                 let size = self.unsigned(4)? as usize;
                 let text = self.take(size)?;
+                // The length of a text counts its final zero.
                 let text = text.strip_suffix(&[0]).unwrap_or(text);
                 Value::Text(String::from_utf8_lossy(text).into_owned())
             }

@@ -12,7 +12,7 @@ use indexmap::IndexMap;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// Most topics of a bag.
+/// Max number of topics of a bag.
 pub(super) const MAX_TOPICS: usize = 10_000;
 /// Largest message in JSON, bytes: decoded it takes some thirty times as much.
 pub(super) const MAX_JSON: usize = 8 << 20;
@@ -50,7 +50,7 @@ struct Stream {
 pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
     streams: IndexMap<(String, Rc<str>), Stream>,
-    /// What a file that this program wrote says beside its messages.
+    /// Metadata of a file that this program wrote.
     metadata: BTreeMap<String, String>,
 }
 
@@ -126,7 +126,7 @@ impl<'a> Messages<'a> {
             return Ok(());
         }
         let Some((_, stream)) = self.streams.get_index_mut(number) else { return Ok(()) };
-        // What never could be read is not tried again for every message.
+        // A topic of which 100 messages could not be read is not tried again: decoding is the slow part.
         if stream.sparse.columns.is_empty() && stream.unknown + stream.damaged.0 >= 100 {
             return Ok(());
         }
@@ -156,6 +156,7 @@ impl<'a> Messages<'a> {
             stream.unknown += 1;
             return Ok(());
         }
+        // A number takes 8 bytes and its row 4; two times and the bookkeeping of the row take the rest.
         budget.take_values(columns.len() + columns.len() / 2 + 3)?;
         let row = u32::try_from(stream.logged.len()).map_err(|_| MessageError::ManyMessages)?;
         stream.logged.push(log_ns);
@@ -228,6 +229,7 @@ impl<'a> Messages<'a> {
             () if unitree("unitree_go/") => Some(&UNITREE_GO),
             () => None,
         };
+        // All streams onto the clock of the joints' positions, with the time of their first sample as 0.
         let clocks: Vec<Clock> = read.iter().map(Clock::from_stream).collect();
         let state =
             read.iter().position(|stream| stream.sparse.columns.keys().any(|name| name.starts_with("q_")));
@@ -270,7 +272,7 @@ impl<'a> Messages<'a> {
     }
 }
 
-/// Which times of a stream are taken.
+/// The times of a stream that are taken.
 struct Clock {
     topic: String,
     /// Header stamps, not the recorder's times.

@@ -6,7 +6,7 @@ use crate::known::{COMMAND, QUATERNION, RATES, Role};
 /// Columns and values of one message.
 pub(crate) type Columns = Vec<(String, f64)>;
 
-/// Most numbers of a message of unknown type that a mapping asks for.
+/// Max count of numbers of a message of unknown type that a mapping asks for.
 const MAX_FLAT: usize = 1000;
 
 /// The columns of a message; empty if its fields are not known. `joints` is what its joints' positions are: positions,

@@ -11,13 +11,13 @@ const MOVES: f64 = 0.01;
 const SAME: f64 = 0.002;
 /// Samples by which a copy may be old.
 const OLD: usize = 2;
-/// Fewest samples that show it.
+/// Min number of samples that show it.
 const ENOUGH: usize = 20;
 /// A joint further than this from 0, rad, cannot be there a sample later and back.
 const AWAY: f64 = 0.05;
 /// Longest run of zeros that counts as a jump, samples.
 const LONGEST: usize = 3;
-/// Fewest jumps that are no single damaged row.
+/// Min number of jumps that are no single damaged row.
 const JUMPS: usize = 2;
 
 pub(super) fn check(findings: &mut Findings) {

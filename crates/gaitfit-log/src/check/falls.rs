@@ -10,7 +10,7 @@ use crate::Trajectory;
 use serde::Serialize;
 use std::ops::Range;
 
-/// What shows a fall.
+/// The sign that shows a fall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FallSign {
@@ -44,9 +44,9 @@ impl std::fmt::Display for FallSign {
 /// One fall.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Fall {
-    /// From the first sample that shows it to one past the last.
+    /// Samples from the first that shows it to one past the last.
     pub samples: Range<usize>,
-    /// What showed it first.
+    /// The first sign of it.
     pub sign: FallSign,
 }
 
@@ -85,6 +85,7 @@ fn of_base(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
     let mut add = |down: Vec<bool>, sign| {
         let min = (STUMBLE_S * log.rate_hz).ceil() as usize;
         for samples in stretches(&down) {
+            // What goes down at the end of the log may go on after it: it counts however short it is.
             if samples.len() >= min || samples.end == down.len() {
                 falls.push(Fall { samples, sign });
             }

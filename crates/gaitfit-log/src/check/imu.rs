@@ -11,22 +11,25 @@ use gaitfit_model::rotation::{Vec3, from_rpy};
 
 /// Bias, rad/s, that is worth a word: gyroscopes of walking robots stay below 0.017 of their filters' orientation.
 const BIAS: f64 = 0.0175;
-/// Lag, s, that is worth a word, and that must not be: healthy walks show up to 1.1 ms.
+/// Lag of the rates that is worth a word, s: healthy walks show up to 1.1 ms.
 const LAG: f64 = 0.0025;
+/// Lag that is an error, s.
 const LONG_LAG: f64 = 0.012;
 /// Standard errors that a bias or a lag must exceed.
 const SURE: f64 = 3.0;
 /// RMS turning, rad/s, of an orientation that is not read.
 const STILL: f64 = 1e-6;
-/// RMS rate, rad/s, and change of the vertical, rad, of a base that does not move. A slow walk has 0.19.
+/// RMS rate of a base that does not move, rad/s. A slow walk has 0.19.
 const STILL_RATE: f64 = 0.03;
+/// Change of the vertical of a base that does not move, rad.
 const STILL_TILT: f64 = 0.02;
 /// Deviation of a joint, rad, that swings a leg.
 const SWINGS: f64 = 0.05;
 /// Command norm (m/s and rad/s together) that asks for walking.
 const COMMANDED: f64 = 0.1;
-/// Length of the mean direction of gravity, and cosine of its angle to an axis, of a unit that is mounted turned.
+/// Length of the mean direction of gravity of a unit that is mounted turned: a robot that tumbles has less.
 const STEADY: f64 = 0.9;
+/// Cosine of the angle between that direction and an axis: 30°.
 const ALONG: f64 = 0.87;
 /// Mean turning of the vertical, rad/s, of a base on legs that walk: one that lies does not turn.
 const SWAYS: f64 = 0.05;
@@ -95,7 +98,8 @@ fn percent(part: f64) -> String {
     format!("{:.0} %", 100.0 * part.min(99.0))
 }
 
-/// Reads `log`'s inertial unit as `stated`, and where that leaves no doubt as the data say. What was changed is told.
+/// Reads `log`'s inertial unit as `stated`, and as the data show it where they leave no doubt.
+/// Returns findings that say what was changed.
 pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
     if let Some(base) = &mut log.base {
         stated.apply(base);
@@ -105,6 +109,7 @@ pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
         return Vec::new();
     };
     let settings = reading.settings();
+    // What someone has stated is not overruled; the checks report the disagreement.
     let contradicts = (settings.order.is_some() && stated.order.is_some())
         || (settings.frame.is_some() && stated.frame.is_some())
         || (settings.unit.is_some() && stated.unit.is_some())
@@ -128,9 +133,9 @@ pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
     vec![Finding { kind, severity: Severity::Warning, joints: Vec::new(), span: None, message }]
 }
 
-/// `clock_is_right`: whether the joints show no other sample rate than the time column, by which rates are integrated.
-/// Whether the angles `roll_pitch_yaw` (`len × 3`), from which the orientation of `log` was made, are in degrees: then they
-/// agree with the rates, and do not as they are named. Makes the orientation anew and tells so.
+/// Reads the angles `roll_pitch_yaw` (`len × 3`, rad), from which the orientation of `log` was made, as degrees where
+/// the data leave no doubt: as degrees they agree with the rates, and as radians they do not.
+/// Makes the orientation anew and returns a finding that says so.
 pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Finding> {
     let as_named =
         imu_fit::judge(log).filter(|verdict| verdict.as_named > APART && verdict.better.is_none())?;
@@ -156,6 +161,7 @@ pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Fin
     })
 }
 
+/// `clock_is_right`: whether the joints show no other sample rate than the time column, by which rates are integrated.
 pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
     let Some(verdict) = imu_fit::judge(findings.log) else { return };
     if let Some((reading, left)) = verdict.better {
@@ -277,6 +283,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
         _ => return false,
     };
     let first = directions[0].iter().zip([x, y, z]).map(|(a, b)| a * b).sum::<f64>();
+    // A robot that falls over later has gravity along the base's own axis at first.
     if first < ALONG {
         return false;
     }

@@ -1,4 +1,4 @@
-//! What reading a log found worth knowing.
+//! Findings of the reader.
 
 use super::{Finding, FindingKind, Severity};
 use crate::{ConvertedTime, EvenRows, ReadReport};

@@ -1,4 +1,4 @@
-//! What a robot's model says that a log of it can be checked against.
+//! Limits of a robot's model that a log of it is checked against.
 
 use super::CheckSpec;
 use gaitfit_model::{JointKind, Model};

@@ -49,6 +49,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
     let right = joints.iter().filter(|(_, scale)| scale.same() && equal(scale.factor, 1.0)).count();
     let shared = scales.shared.filter(|shared| !equal(*shared, 1.0) && 6 * right <= joints.len());
     let with_it = |scale: &Scale| shared.is_some_and(|shared| scale.may_be(shared));
+    // Joints with the factor of most, and then those with one of their own.
     if let Some(shared) = shared.filter(|_| !rate_is_said) {
         let together = pick(&|scale| scale.same() && with_it(scale));
         scaled(findings, &together, [shared, shared], far(shared), Some(shared));
@@ -108,7 +109,7 @@ fn scaled(
     findings.add(FindingKind::VelocityMismatch, severity, joints, None, message);
 }
 
-/// What a factor may come from, and what to do.
+/// Returns what a factor may come from, and what to do.
 fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> String {
     let near = |wanted: f64| one && (0.9..1.1).contains(&(factor / wanted));
     let degrees = 180.0 / std::f64::consts::PI;

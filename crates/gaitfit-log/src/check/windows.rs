@@ -11,14 +11,15 @@ use super::following::FAR;
 use super::stats::{correlation, deviation, mean, rms};
 use crate::{Signal, Trajectory};
 
-/// Window length, s, and its least number of samples. Half a window is the step.
+/// Length of a window, s. Windows begin half a length apart.
 const WINDOW_S: f64 = 1.0;
+/// Min number of samples of a window: a correlation of fewer says little.
 const WINDOW_SAMPLES: usize = 20;
 /// Samples a second are thinned out to about this rate, Hz: joints move below 10 Hz.
 const RATE_HZ: f64 = 100.0;
 /// A target that deviates this much in a window, rad, asks for motion.
 const ASKS: f64 = 0.05;
-/// The same for a velocity target, rad/s.
+/// The same threshold for a velocity target, rad/s.
 const ASKS_SPEED: f64 = 1.0;
 /// A steady velocity target of this size, rad/s, asks a wheel to turn. A Go2-W that turns on the spot has wheels that rest under
 /// targets of 4 rad/s.
@@ -36,8 +37,9 @@ const CLOSELY: f64 = 0.97;
 const HELD_SHARE: f64 = 0.1;
 /// Least motion of a joint that follows, as a share of the target's.
 const MOVED_SHARE: f64 = 0.03;
-/// RMS velocity (rad/s) and position deviation (rad) of a joint at rest.
+/// RMS velocity of a joint at rest, rad/s.
 const REST_SPEED: f64 = 0.1;
+/// Deviation of the position of a joint at rest, rad.
 const REST_MOTION: f64 = 0.01;
 /// Radians a unit of action, to tell motion from rest where a log has actions and no targets; the usual scale.
 const ACTION_SCALE: f64 = 0.25;
@@ -174,6 +176,7 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
                 Wish::Action(action.iter().map(|action| ACTION_SCALE * action).collect())
             })
         });
+        // Filtered once over the whole log: a filter that began anew in each window would need time to settle.
         let filtered: Vec<Vec<f64>> =
             wish.iter().flat_map(|wish| FILTERS_S.map(|time| low_pass(wish.values(), time * rate))).collect();
         for window in &mut windows {

@@ -4,7 +4,7 @@ use crate::command::{Command, MotorCommand};
 use crate::per_motor::PerMotor;
 use crate::state::RobotState;
 
-/// What a robot's motors and joints bear, motor order.
+/// Limits of a robot's motors and joints, motor order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Least angle, rad; of a wheel −∞.

@@ -1,4 +1,4 @@
-//! What may be sent to the motors, and the reasons for sending damping instead.
+//! Limits of commands, and the reasons for sending damping instead.
 
 mod limits;
 mod reason;

@@ -1,6 +1,6 @@
-//! Why a robot goes to damping, in words for the person beside it.
+//! Reasons for damping, in words for the person beside the robot.
 
-/// Why a robot goes to damping, or may not be armed.
+/// The reason for damping, or for not arming a robot.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Reason {
     /// Nothing was heard from the robot.
@@ -47,7 +47,7 @@ pub enum Reason {
     Jump {
         /// The joint.
         joint: String,
-        /// By how much, rad.
+        /// The change, rad.
         angle: f32,
     },
     /// A joint is too fast.

@@ -10,12 +10,12 @@ use super::{Limits, Reason};
 use crate::robot::Robot;
 use crate::state::{Reading, RobotState, Seal};
 
-/// When a robot goes to damping.
+/// Limits that lead to damping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GuardSettings {
     /// Names of the joints, motor order, for reasons.
     pub joints: Arc<[String]>,
-    /// What its motors bear.
+    /// Limits of its motors.
     pub limits: Limits,
     /// Oldest state to act on.
     pub stale: Duration,
@@ -41,8 +41,10 @@ impl GuardSettings {
         Self {
             joints: robot.joints(),
             limits: robot.limits(),
+            // Ten states or commands at 500 Hz.
             stale: Duration::from_millis(20),
             late: Duration::from_millis(20),
+            // One output may be missing, and the next one a little late.
             late_policy: 2 * control_dt + Duration::from_millis(10),
             tilt: robot.guard.tilt,
             temperature: robot.guard.temperature,
@@ -60,7 +62,8 @@ const SPEED_FACTOR: f32 = 1.5;
 const SIMULATED_SPEED_FACTOR: f32 = 3.0;
 /// What a joint may seem to jump, beside its speed, rad: noise and delayed messages.
 const JUMP: f32 = 0.25;
-/// Longest time between two states that the robot's counter may tell, ms.
+/// Longest time between two states that the robot's counter may tell, ms: with more a state would be stale, and a
+/// wrong counter could excuse any jump.
 const MAX_COUNTED: u32 = 20;
 /// How far the length of the orientation's quaternion may be from 1.
 const OFF_UNIT: f32 = 0.05;
@@ -79,7 +82,7 @@ impl Watch {
         Self { settings, last: None }
     }
 
-    /// When the robot goes to damping.
+    /// Returns the limits that lead to damping.
     pub fn settings(&self) -> &GuardSettings {
         &self.settings
     }
@@ -110,6 +113,7 @@ impl Watch {
         {
             return Ok(());
         }
+        // First: comparisons with NaN are false, so the checks below would let it pass.
         self.check_numbers(state)?;
         self.check_joints(now, state, self.counts(reading))?;
         self.check_body(state)?;
@@ -206,6 +210,7 @@ impl Watch {
             return Err(Reason::NoOrientation);
         }
         // The world's z axis in the body frame; its z is the cosine of the tilt.
+        // Rotating by a quaternion that is not quite of length 1 stretches by its length squared.
         let tilt = (up(state.quaternion)[2] / (length * length)).clamp(-1.0, 1.0).acos().to_degrees();
         if tilt > self.settings.tilt {
             return Err(Reason::Tilt(tilt));

@@ -23,17 +23,17 @@ use crate::robot::{Messages, Robot};
 use crate::state::Reading;
 use crate::unitree::{LowCmd, LowState, hg};
 
-/// Messages that each end keeps; with fewer a writer loses some in its own queue.
+/// Messages that each end keeps: 32 ms at 500 Hz. With fewer a writer loses some in its own queue.
 const DEPTH: i32 = 16;
 /// States that wait for the next call at most; older ones are let go.
 const WAITING: usize = 64;
-/// Largest domain that DDS has ports for.
+/// Largest domain that DDS has ports for: 7400 + 250 · domain (DDSI-RTPS, port mapping) must fit into 16 bits.
 const MAX_DOMAIN: u16 = 232;
 
-/// How old a part of a state may be; see [`Dds::with_patience`].
+/// How old a part of a state may be, as old as the guard lets a whole state be; see [`Dds::with_patience`].
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// What has arrived.
+/// States and problems that wait for the next call.
 pub(super) struct Inbox {
     states: VecDeque<(Instant, Reading)>,
     others: u64,
@@ -126,6 +126,7 @@ impl Joining {
             .same_host_loopback(address.is_loopback())
             .build()
             .map_err(failed("join the domain"))?;
+        // A lost state that is sent again comes too late: the next one has newer numbers.
         let listening = qos(Reliability::BestEffort);
         let subscriber = participant.create_subscriber(&listening).map_err(failed("listen"))?;
         Ok(Self {
@@ -179,6 +180,7 @@ impl Joining {
             .map_err(failed("listen for other controllers"))?;
         let (into, prefix) = (self.inbox(), self.participant.guid().prefix);
         self.listeners.push(listen(others, "others", self.inbox(), move |_: Anything, writer| {
+            // The prefix is that of the participant, so it marks all writers of this program.
             if writer.prefix != prefix {
                 lock(&into).others += 1;
             }
@@ -223,6 +225,7 @@ pub(super) fn lock(inbox: &Mutex<Inbox>) -> MutexGuard<'_, Inbox> {
 
 impl Link for Dds {
     fn receive(&mut self, _: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
+        // The lock is free again before `each` runs, so that the threads that hear are not held up.
         let (states, others) = {
             let mut inbox = lock(&self.inbox);
             if let Some(problem) = inbox.broken.take() {

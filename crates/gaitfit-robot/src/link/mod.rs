@@ -1,4 +1,4 @@
-//! How states come from a robot and commands go to it.
+//! Links to a robot: states come from it, commands go to it.
 
 #[cfg(feature = "dds")]
 mod dds;

@@ -12,16 +12,20 @@ use super::dds::{Dds, failed, qos};
 use crate::RobotError;
 use crate::unitree::rpc::{Identity, Request, RequestHeader, Response};
 
+/// Topic and type of requests to the vendor's motion switcher.
 const REQUEST: (&str, &str) = ("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_");
+/// Topic and type of its answers.
 const RESPONSE: (&str, &str) = ("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_");
-/// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is released.
+/// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is
+/// released. Both numbers are those of the vendor's SDK.
 const CHECK_MODE: i64 = 1001;
 const RELEASE_MODE: i64 = 1003;
 /// A request is sent again so often: a service that is discovered later hears the next one.
 const AGAIN: Duration = Duration::from_millis(250);
+/// Time between two looks for an answer.
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What the motion service says of itself.
+/// Answer of the motion service.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum MotionMode {
     /// It walks the robot, in the mode of this name.
@@ -76,7 +80,7 @@ impl MotionSwitcher {
         Ok(Self { requests, responses, number, _participant: participant })
     }
 
-    /// Which mode the service is in; it has `patience` to answer.
+    /// Asks for the mode of the service; it has `patience` to answer.
     ///
     /// # Errors
     /// DDS that does not send.

@@ -12,7 +12,7 @@ use crate::ros::{
     DynamicJointState, Float64MultiArray, Imu, JointState, Stamp, States, Taken, array, dynamic,
 };
 
-/// What the messages of two topics make together.
+/// States, names and inbox, which the messages of two topics share.
 #[derive(Clone)]
 struct Parts {
     states: Arc<Mutex<States>>,

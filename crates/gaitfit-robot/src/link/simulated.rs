@@ -20,7 +20,7 @@ use crate::unitree::Remote;
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
-/// Most physics steps to catch up with in one call; a caller that was away longer finds the robot where it was.
+/// Max number of physics steps to catch up with in a call; a caller that was away longer finds the robot where it was.
 const MAX_STEPS: u64 = 200;
 /// Gravity, m/s².
 const GRAVITY: f32 = 9.81;
@@ -57,6 +57,7 @@ pub fn hanging_go2() -> Result<Model, RobotError> {
     let options = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
     let mut model =
         read_mjcf_str(GO2, &options).map_err(|error| RobotError::Simulation(error.to_string()))?;
+    // In the air there is no ground to touch.
     model.pairs.clear();
     for joint in &mut model.joints {
         for (kind, [friction, damping, armature]) in JOINTS {
@@ -81,7 +82,7 @@ pub struct Simulated<'a> {
     /// Milliseconds simulated.
     ms: u64,
     torque: PerMotor<f32>,
-    /// By joint: nothing, and the motors' torques.
+    /// A torque of 0 for each joint of the model, and the motors' torques, N·m.
     nothing: Vec<f32>,
     torques: Vec<f32>,
 }

@@ -18,8 +18,9 @@ use crate::link::{Dds, failed};
 
 /// Messages of a topic that DDS keeps for us.
 const DEPTH: i32 = 256;
-/// Messages and bytes that wait at most; later ones are lost and counted.
+/// Max number of messages that wait, 40 s of a topic at 500 Hz; later ones are lost and counted.
 const MAX_WAITING: usize = 20_000;
+/// Max number of bytes that wait; later messages are lost and counted.
 const MAX_BYTES: usize = 64 << 20;
 
 /// A message whose encoding or length is refused.
@@ -65,6 +66,8 @@ impl Decode<'_, Vec<u8>> for Head {
             return Err(TooLong);
         }
         let head = match encoding {
+            // The numbers of DDS-XTypes 1.3 for the encodings; MCAP files of ROS 2 keep this head before each
+            // message.
             RepresentationIdentifier::CDR_BE => 0,
             RepresentationIdentifier::XCDR2_BE => 6,
             RepresentationIdentifier::XCDR2_LE => 7,
@@ -74,7 +77,7 @@ impl Decode<'_, Vec<u8>> for Head {
     }
 }
 
-/// What has come and waits.
+/// Messages that have arrived and wait.
 #[derive(Default)]
 struct Inbox {
     heard: Vec<Heard>,

@@ -17,7 +17,7 @@ pub const MAX_MESSAGE: usize = 1 << 20;
 pub struct Heard {
     /// The number of its topic.
     pub topic: usize,
-    /// When it came, ns since 1970, on a clock that does not jump.
+    /// Time of arrival, ns since 1970, on a clock that does not jump.
     pub ns: u64,
     /// Its CDR with the four bytes of its head.
     pub bytes: Vec<u8>,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::RobotError;
 
-/// Most topics of a recording.
+/// Max number of topics of a recording.
 pub const MAX_TOPICS: usize = 64;
 /// Longest name, bytes.
 const LONGEST: usize = 200;
@@ -58,7 +58,7 @@ impl Topic {
         format!("{package}::msg::dds_::{name}_")
     }
 
-    /// The same of names in DDS; `None` where they are not ROS 2's.
+    /// Makes a topic of its names in DDS; `None` where they are not ROS 2's.
     pub fn from_dds(name: &str, kind: &str) -> Option<Self> {
         let name = name.strip_prefix("rt").filter(|name| name.starts_with('/'))?;
         let (package, kind) = kind.split_once("::msg::dds_::")?;

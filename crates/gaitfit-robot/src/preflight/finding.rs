@@ -1,10 +1,10 @@
-//! What is wrong with a robot, in words for the person beside it.
+//! Faults and warnings of a robot, in words for the person beside it.
 
 use std::fmt;
 
 use serde::Serialize;
 
-/// What a finding is about.
+/// Subject of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Check {
@@ -60,7 +60,7 @@ pub enum Check {
     Stopped,
 }
 
-/// How bad it is.
+/// Severity of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
@@ -70,18 +70,18 @@ pub enum Severity {
     Warning,
 }
 
-/// What is wrong, and what to do.
+/// A problem of the robot, and its remedy.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Finding {
-    /// How bad it is.
+    /// Its severity.
     pub severity: Severity,
-    /// What it is about.
+    /// Its subject.
     pub check: Check,
     /// The joint, if it is about one.
     pub joint: Option<String>,
-    /// What is wrong.
+    /// The problem.
     pub problem: String,
-    /// What to do.
+    /// The remedy.
     pub remedy: String,
 }
 
@@ -97,7 +97,7 @@ impl Finding {
         Self { severity: Severity::Warning, ..Self::fault(check, problem, remedy) }
     }
 
-    /// The same finding, about this joint.
+    /// Returns the same finding, about this joint.
     #[must_use]
     pub(super) fn at_joint(mut self, joint: &str) -> Self {
         self.joint = Some(joint.to_owned());

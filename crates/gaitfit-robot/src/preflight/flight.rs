@@ -11,9 +11,10 @@ use crate::per_motor::PerMotor;
 use crate::robot::Robot;
 use crate::state::Reading;
 
-/// How far a joint may be from its target, rad: while the gains grow, and afterwards.
+/// How far a joint may be from its target, rad: while the gains grow, and afterwards. While they grow, targets are
+/// where the joints are: a joint that moves has another order, sign or zero in commands than in states.
 const ASTRAY: [f32; 2] = [0.12, 0.3];
-/// Damping before the last command.
+/// Damping before the last command, as long as that of a run.
 const DAMPING: Duration = Duration::from_secs(2);
 /// Share of the largest torque that damping may use, because the state may be old.
 const DAMPING_ROOM: f32 = 0.9;
@@ -38,7 +39,7 @@ pub struct Flown {
     pub heard: Vec<Heard>,
     /// The plan; absent if the robot was not armed.
     pub plan: Option<Plan>,
-    /// Why it ended in damping; `None` after an orderly end.
+    /// The reason for damping; `None` after an orderly end.
     pub reason: Option<Reason>,
     /// Commands that the guard changed.
     pub changed: u64,
@@ -52,7 +53,7 @@ pub struct Flight {
     damping: PerMotor<f32>,
     stage: Stage,
     begun: Duration,
-    /// When damping began.
+    /// Time at which damping began.
     damped: Duration,
     ticked: Option<Duration>,
     refused: Option<Reason>,
@@ -80,7 +81,7 @@ impl Flight {
         self.stage
     }
 
-    /// What was sent and heard.
+    /// Returns the states and commands of the motion.
     pub fn flown(self) -> Flown {
         self.flown
     }
@@ -114,7 +115,7 @@ impl Flight {
         }
     }
 
-    /// Why an idle robot may not be armed.
+    /// Returns the reason why an idle robot may not be armed.
     pub fn refused(&self) -> Option<&Reason> {
         self.flown.reason.as_ref().or(self.refused.as_ref())
     }
@@ -153,7 +154,7 @@ impl Flight {
         Ok(())
     }
 
-    /// What to send at `now`: nothing while idle, else a command inside the limits. Call it at a steady rate.
+    /// Returns the command for `now`: nothing while idle, else one inside the limits. Call it at a steady rate.
     pub fn tick(&mut self, now: Duration) -> Option<Command> {
         if self.stage == Stage::Idle {
             return None;

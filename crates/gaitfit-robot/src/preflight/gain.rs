@@ -1,4 +1,4 @@
-//! What a motor's reported torque shows of its gains, and how late it is.
+//! Gain and delay of a motor, from its reported torque.
 //!
 //! τ(t) = g (kp (q*(t − d) − q(t − a)) − kd q̇(t − a)) + c. The gain g is 1 if kp and kd are as stated; c is a constant. The delay d is
 //! unknown. So is the age a: the state in a message may be newer than the one by which the motor's controller computed the
@@ -19,11 +19,12 @@ const REPORTED: f64 = 0.01;
 const POSSIBLE: f64 = 2.0;
 /// Squared errors that sampling alone leaves, as a part of the squares of the torque about its mean.
 const FLOOR: f64 = 1e-5;
-/// Step of ages and delays, in rows and in s.
+/// Step of ages and delays, in rows.
 const PART: f64 = 0.125;
+/// Step of ages and delays, s: finer than a row, as an age may be a part of the time between two messages.
 const STEP: f64 = PART * DT;
 
-/// What a reported torque shows.
+/// Results of a reported torque.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reported {
     /// Time from a target to it, s.
@@ -53,6 +54,7 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     let smooth = Smooth::new(rows, window, motor, steps(longest));
     let average = mean(&smooth.torque);
     let total: f64 = smooth.torque.iter().map(|x| (x - average).powi(2)).sum();
+    // All ages up to the time between two messages, with all delays; errors in one side, and in both.
     let pairs = (0..=steps(message)).flat_map(|age| (0..=steps(longest)).map(move |delay| (age, delay)));
     let (alone, both): (Vec<Tried>, Vec<Tried>) = pairs.map(|(age, delay)| smooth.fit(age, delay)).unzip();
     let (kept, both) = (possible(&alone, FLOOR * total), possible(&both, FLOOR * total));
@@ -62,13 +64,14 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     let best = kept.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
     let of_best: Vec<f64> = alone.iter().filter(|one| one.age == best.age).map(|one| one.left).collect();
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
+    // Between the steps the delay follows from the squares beside the best.
     let fine = least(&of_best, best.delay, smooth.torque.len(), overlap);
     let spread = 0.5 * span(fits().map(|one| one.delay as f64));
     let delay = Measured { value: STEP * fine.value - HELD, error: STEP * fine.error.max(spread) };
     Some(Reported { delay, gain: [low, high] })
 }
 
-/// Those that fit about as well as the best.
+/// Returns those that fit about as well as the best.
 fn possible(fits: &[Tried], floor: f64) -> Vec<Tried> {
     let best = fits.iter().map(|one| one.left).fold(f64::INFINITY, f64::min);
     let mut kept: Vec<Tried> =
@@ -150,6 +153,7 @@ impl Smooth {
         (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
         let alone = Tried { age, delay, left: (yy - slope * xy).max(0.0), gain: slope };
+        // Total least squares (Pearson 1901):
         // Errors in both: the slope is that of the longest axis, and the squares across it are left.
         let long = 0.5 * (xx + yy + ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
         let axis = xy / (long - yy).max(1e-12 * long + f64::MIN_POSITIVE);

@@ -5,21 +5,21 @@ use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, Vec3, dot, inverse, product, rotate};
 
 const GRAVITY: f64 = 9.81;
-/// Step of the derivative, rad.
+/// Step of the central difference, rad.
 const STEP: f64 = 1e-4;
 
-/// What a joint carries at one pose.
+/// Load of a joint at one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Load {
     /// Torque that holds it, N·m; of a slide force, N.
     pub(super) torque: f64,
-    /// How that changes with the joint's position, N·m/rad or N/m.
+    /// Change of this torque with the joint's position, N·m/rad or N/m.
     pub(super) slope: f64,
     /// Inertia about the joint's axis without the rotor's, kg·m²; of a slide mass, kg.
     pub(super) inertia: f64,
 }
 
-/// What joint number `joint` of `model` carries at angles `q` (rad, model order); `up`: against gravity, in the base's frame.
+/// Computes the load of joint `joint` of `model` at angles `q` (rad, model order); `up`: against gravity, base frame.
 pub(super) fn load(model: &Model, joint: usize, q: &[f64], up: Vec3) -> Load {
     let at = |by: f64| {
         let mut q = q.to_vec();
@@ -46,6 +46,7 @@ fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
         sums[0] += part.mass * GRAVITY * dot(up, lever);
         let principal = rotate(inverse(product(frames[index].quaternion, part.iquat)), axis.turn());
         let inertia: f64 = principal.iter().zip(&part.inertia).map(|(a, i)| a * a * i).sum();
+        // The parallel-axis theorem.
         sums[1] += part.mass * dot(lever, lever) + inertia;
     }
     sums

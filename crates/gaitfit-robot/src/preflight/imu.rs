@@ -7,15 +7,17 @@ use super::statistics::{Measured, deviation, mean, mean_of_blocks};
 use super::turned::{angle, mean_attitude, orientation, roll_pitch_yaw, turn_between};
 use super::{Check, Finding, Heard};
 
-/// Gravity, m/s². If the mean length of the accelerometer's readings is off by more, it is a warning, and then a fault.
+/// Gravity, m/s².
 const GRAVITY: f64 = 9.81;
+/// Difference of the mean length of the accelerometer's readings from gravity: a warning, and a fault, m/s².
 const OFF: [f64; 2] = [0.3, 0.8];
-/// Bias of the gyro that is a warning, and one that is a fault, rad/s.
+/// Bias of the gyro that is a warning, and one that is a fault, rad/s: 0.01 rad/s adds up to 34° in a minute.
 const BIAS: [f64; 2] = [0.01, 0.02];
 /// Angle between orientation and accelerometer that is a fault, degrees.
 const APART: f64 = 5.0;
-/// From this angle on another order of the quaternion is tried, degrees. The other order must reduce the angle to this part.
+/// Angle between orientation and accelerometer from which on another order of the quaternion is tried, degrees.
 const TRIED: f64 = 2.0;
+/// Part to which the other order must reduce the angle.
 const SMALLER: f64 = 0.3;
 /// A robot that hangs leans less than this, degrees.
 const LEANS: f64 = 20.0;
@@ -123,6 +125,7 @@ pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, fi
 
 fn gravity(report: &ImuReport, simulator: bool, findings: &mut Vec<Finding>) {
     let length = report.gravity.value;
+    // Simulators may leave the accelerometer out.
     if length < 0.1 {
         let problem = "the accelerometer reads 0";
         let remedy =
@@ -172,8 +175,10 @@ fn reordered(q: Quat) -> Quat {
 fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Finding>) {
     let pull = report.accelerometer;
     let weightless = report.gravity.value < 0.1;
+    // Without an accelerometer there is nothing to compare with, so no check below may fail.
     let apart = |q: Quat| if weightless { 0.0 } else { angle(up(q), pull).to_degrees() };
     let [stated, other] = [attitude, reordered(attitude)].map(apart);
+    // 1. The order of the components: another order fits clearly better.
     let swapped = !weightless && stated > TRIED && other < APART.min(SMALLER * stated);
     if swapped {
         findings.push(Finding::fault(
@@ -186,6 +191,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         ));
         return;
     }
+    // 2. The frame: orientation and accelerometer disagree.
     if !weightless && stated > APART {
         let level = angle(up(attitude), [0.0, 0.0, 1.0]).to_degrees() < LEANS;
         let opposite = angle(up(attitude), pull.map(|x| -x)).to_degrees() < APART;
@@ -208,6 +214,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
         ));
         return;
     }
+    // 3. The mounting: both agree that another axis is up.
     let leans = angle(up(attitude), [0.0, 0.0, 1.0]).to_degrees();
     let [roll, pitch, yaw] = roll_pitch_yaw(attitude).map(f64::to_degrees);
     // The heading is unknown: only the vertical shows how the unit is mounted.
@@ -223,6 +230,7 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
             format!(
                 "orientation and accelerometer show that the robot leans by {leans:.0}°: if it hangs level, the inertial unit is \
                  mounted {}",
+                // Within QUARTER of a mounting, quarter turns lean by 65° to 115° and upside down by 155° or more.
                 if leans > 150.0 { "upside down" } else { "turned by a quarter turn" }
             ),
             format!(
@@ -239,6 +247,8 @@ fn judge_attitude(report: &mut ImuReport, attitude: Quat, findings: &mut Vec<Fin
             "Hang it level, and repeat: some checks need that",
         ));
     }
+    // Level with a heading of 180° is (0, 0, 0, 1); level with a heading of 0, in the other order, is the same four
+    // numbers.
     if !weightless && other < TRIED && yaw.abs() > 180.0 - TRIED {
         findings.push(Finding::warning(
             Check::QuaternionOrder,

@@ -69,6 +69,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
             angle,
             room: room.is_finite().then_some(room),
             moved: span(q.iter().copied()),
+            // Differences of neighbours leave a slow sway out. Their variance is twice that of one reading.
             noise: deviation(&differences) / 2f64.sqrt(),
             step: step(&q),
             velocity: mean(&dq),
@@ -76,6 +77,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
             torque: mean(&finite(&|one| one.state.torque[motor])),
             temperature: heard.iter().map(|one| one.state.temperature[motor]).max().unwrap_or(0),
             error: heard.iter().map(|one| one.state.error[motor]).find(|error| *error != 0).unwrap_or(0),
+            // A counter of 32 bits, which may wrap.
             lost: heard.last().map_or(0, lost).wrapping_sub(heard.first().map_or(0, lost)),
         }
     };

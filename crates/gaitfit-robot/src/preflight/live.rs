@@ -19,7 +19,7 @@ use crate::link::Link;
 use crate::robot::Robot;
 use crate::state::{Reading, Seal};
 
-/// Time between two turns.
+/// Time between two turns: a Go2 sends its states as often.
 const TICK: Duration = Duration::from_millis(2);
 /// How long to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
@@ -47,6 +47,7 @@ impl Turns for Beat {
         self.due += TICK;
         sleep(self.due.saturating_sub(self.begin.elapsed()));
         let now = self.begin.elapsed();
+        // Turns in a row to catch up would send several commands at once.
         if now > self.due + TICK {
             self.due = now;
         }
@@ -54,10 +55,10 @@ impl Turns for Beat {
     }
 }
 
-/// What listening showed.
+/// Results of listening.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Listened {
-    /// How states come.
+    /// Arrival of states.
     pub network: NetworkReport,
     /// The joints, motor order.
     pub joints: Vec<JointReport>,
@@ -150,6 +151,7 @@ pub fn tilt(
             return Err(RobotError::NotArmed(reason));
         }
         receive(link, now, |came, reading| {
+            // A damaged message may hold any orientation.
             if reading.seal != Seal::Wrong {
                 tilting.take(heard_of(came, reading));
                 last = came;

@@ -1,4 +1,4 @@
-//! What was sent and heard on one clock, and as logs.
+//! Commands and states of a motion on one clock, and as logs.
 
 use std::fmt::Write as _;
 use std::time::Duration;
@@ -22,7 +22,7 @@ pub struct Row {
     pub time: f64,
     /// The stage.
     pub stage: Stage,
-    /// What was sent then, and holds until the next row.
+    /// The command that was sent then; it holds until the next row.
     pub command: Command,
     /// The state, interpolated between the messages around it.
     pub state: RobotState,
@@ -67,7 +67,7 @@ pub fn sampled(flown: &Flown) -> SampledStates {
             state: between(&before.state, &after.state, part),
         });
     }
-    // The mean, as messages may arrive in bursts.
+    // The mean, not the median, as messages may arrive in bursts.
     let apart: Vec<f64> = finite
         .windows(2)
         .map(|pair| pair[1].came.saturating_sub(pair[0].came).as_secs_f64())

@@ -46,7 +46,7 @@ pub use tilting::{Asked, Tilting};
 pub struct Heard {
     /// Since the recording began.
     pub came: Duration,
-    /// What it says.
+    /// The state in it.
     pub state: RobotState,
     /// Whether it arrived as it was sent.
     pub seal: Seal,

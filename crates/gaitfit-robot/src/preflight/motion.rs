@@ -16,29 +16,34 @@ use super::turned::mean_attitude;
 use super::{Check, Finding};
 use crate::robot::Robot;
 
-/// A joint that moves by less than the first part of the commanded motion does not move. Another joint that moves by more than
-/// the second part moves instead of it.
+/// A joint that moves by less than this part of the commanded motion does not move.
 const HARDLY: f64 = 0.25;
+/// Another joint that moves by more than this part of the commanded motion moves instead of it.
 const INSTEAD: f64 = 0.5;
-/// Change of the angle over that of the target: below the first the sign is wrong, above the second it moves too far.
+/// Change of the angle over that of the target, 1 for a joint that follows, below which the sign is wrong.
 const OPPOSITE: f64 = -0.3;
+/// The same ratio, above which the joint moves too far.
 const TOO_FAR: f64 = 1.4;
 /// A joint moves too little if it moves by less than this part of what friction allows.
 const TOO_LITTLE: f64 = 0.5;
 /// Reported torque over commanded torque. It is a fault if no possible ratio is in the first range, a warning if none is in the
 /// second.
 const GAIN: [[f64; 2]; 2] = [[0.5, 2.0], [0.9, 1.1]];
-/// A zero is a fault if it is off by more than this, rad, and by more than so many of its standard errors.
+/// A zero is a fault if it is off by more than this, rad.
 const ZERO: f64 = 0.1;
+/// It must also be off by more than this number of its standard errors.
 const SURE: f64 = 2.5;
-/// A zero is judged if its standard error is below this, rad.
+/// A zero is judged if its standard error is below this, rad. Light links, such as a calf, weigh too little to show
+/// it.
 const KNOWN: f64 = 0.08;
-/// How well the weights of a robot's file are known relative to each other, and the least error of a joint's holding torque: N·m
-/// and part of friction.
+/// Relative error of the weights in a robot's file, one link against another. A factor common to all is removed
+/// before.
 const WEIGHT: f64 = 0.04;
-/// Joints that carry more, N·m, show how heavy the links are in all; more or less than this part is not the links' mass.
+/// Joints that carry more, N·m, show how heavy the links are in all: friction hides less of their weight.
 const CARRIED: f64 = 0.3;
+/// Range of that factor. Beyond it the zeros are wrong, not the masses.
 const MASSES: [f64; 2] = [0.8, 1.25];
+/// Min error of a joint's holding torque: N·m, and as a part of the friction, which holds some of the weight.
 const HOLDING: (f64, f64) = (0.01, 0.1);
 /// A delay that is a warning, and one that is a fault, s.
 const LATE: [f64; 2] = [0.008, 0.03];
@@ -80,10 +85,10 @@ pub struct JointMotion {
     pub zero: Option<Measured>,
 }
 
-/// What the motions show.
+/// Results of the small motions.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moved {
-    /// Why they were stopped; absent after an orderly end.
+    /// The reason for stopping them; absent after an orderly end.
     pub reason: Option<String>,
     /// Commands sent.
     pub commands: usize,
@@ -99,7 +104,7 @@ pub struct Moved {
     pub mass_factor: Option<f64>,
 }
 
-/// What motions show, and what is wrong. `model`: the robot's file, for weights.
+/// Evaluates the motions, and returns what is wrong. `model`: the robot's file, for weights.
 pub fn moved(
     flown: &Flown,
     sampled: &SampledStates,
@@ -111,11 +116,13 @@ pub fn moved(
     let (mut joints, mut mass_factor) = (Vec::new(), None);
     if let Some(plan) = &flown.plan {
         let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
+        // Joint by joint: what its motion shows, and what it carries.
         let motions = plan.order().iter().filter_map(|&motor| {
             let (one, carried) = joint(sampled, robot, plan, motor, model.zip(vertical))?;
             Some((one, carried, f64::from(plan.kp()[motor])))
         });
         let motions: Vec<_> = motions.collect();
+        // A wrong total mass would look like wrong zeros of all joints, so it is removed before zeros are judged.
         mass_factor = heavier(motions.iter().filter_map(|(_, carried, _)| carried.as_ref()));
         for (mut one, carried, kp) in motions {
             if let (Some(carried), Some(factor)) = (carried, mass_factor) {
@@ -127,6 +134,7 @@ pub fn moved(
     }
     let delay = together(joints.iter().filter_map(|one| one.delay));
     let torque_delay = together(joints.iter().filter_map(|one| one.torque_delay));
+    // The motion shows when torque acts; reported torques may be late themselves.
     if let Some(delay) = delay.or(torque_delay) {
         judge_delay(delay, &mut findings);
     }
@@ -138,7 +146,9 @@ pub fn moved(
 /// The delay of all joints, from the delays of each.
 fn together(measured: impl Iterator<Item = Measured>) -> Option<Measured> {
     let delays: Vec<f64> = measured.filter(|one| one.error < WORST_ERROR).map(|one| one.value).collect();
+    // A median, because a joint with much friction may be far off.
     let Measured { value, error } = robust(&delays);
+    // A median of three bears one wrong value; of two, none.
     (delays.len() >= 3).then_some(Measured { value, error: error.max(LEAST_ERROR) })
 }
 
@@ -146,6 +156,7 @@ fn together(measured: impl Iterator<Item = Measured>) -> Option<Measured> {
 fn window(sampled: &SampledStates, motor: usize) -> Option<std::ops::Range<usize>> {
     let begin = sampled.rows.iter().position(|row| row.stage == Stage::Joint(motor))?;
     let end = begin + sampled.rows[begin..].iter().take_while(|row| row.stage == Stage::Joint(motor)).count();
+    // Rows after it show that the motion was not stopped within this stage.
     (sampled.rows.len() > end).then_some(begin..end)
 }
 
@@ -186,7 +197,7 @@ fn joint(
     Some((motion, carried))
 }
 
-/// What a joint carries by the robot's file.
+/// Returns the load of a joint by the robot's file.
 fn weigh(
     sampled: &SampledStates,
     robot: &Robot,
@@ -194,6 +205,7 @@ fn weigh(
     motor: usize,
     (model, up): (&Model, Vec3),
 ) -> Option<Load> {
+    // Joints of the model that the robot has no motor for stay at their reference.
     let mut q: Vec<f64> = model.joints.iter().map(|joint| joint.reference).collect();
     for (index, one) in robot.motors.iter().enumerate() {
         if let Some(joint) = model.find_joint(&one.joint) {
@@ -205,7 +217,7 @@ fn weigh(
     Some(load(model, model.find_joint(&robot.motors[motor].joint)?, &q, up))
 }
 
-/// What a joint carries by the robot's file, and how it moved.
+/// Load of a joint by the robot's file, and its equation of motion.
 struct Carried {
     load: Load,
     equation: Equation,
@@ -219,6 +231,7 @@ fn heavier<'c>(loads: impl Iterator<Item = &'c Carried>) -> Option<f64> {
         .filter(|one| one.load.torque.abs() > CARRIED)
         .map(|one| one.equation.weight.value / one.load.torque)
         .collect();
+    // Fewer joints cannot tell a heavy robot from a wrong zero: then the file's masses count.
     let factor = if factors.len() >= 3 { median(&factors).clamp(MASSES[0], MASSES[1]) } else { 1.0 };
     (!none).then_some(factor)
 }
@@ -231,6 +244,7 @@ impl Carried {
         let holding = HOLDING.0 + HOLDING.1 * friction.value.abs();
         let error = weight.error.hypot(WEIGHT * torque).hypot(holding);
         let slope = factor * slope;
+        // To first order in the zero, with the slope at the reading:
         // torque(reading − zero) = weight.
         let zero = Measured {
             value: (factor * torque - weight.value) / slope,
@@ -276,6 +290,8 @@ fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     }
     let Some(follows) = one.follows else { return };
     let friction = one.friction.map_or(0.0, |friction| friction.value.max(0.0));
+    // Dry friction stops a joint up to friction / kp before its target, at each end of the motion. The bound of 0.3
+    // keeps a friction that is overestimated from excusing a joint that hardly moves.
     let free = (1.0 - 2.0 * friction / (kp * one.asked).max(1e-9)).clamp(0.3, 1.0);
     if follows < OPPOSITE {
         say(Finding::fault(

@@ -1,4 +1,4 @@
-//! How states come: their rate, gaps, losses, and the robot's clock against this computer's.
+//! Arrival of states: their rate, gaps, losses, and the robot's clock against this computer's.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::state::Seal;
 
 /// Min messages a second for running a policy.
 const FEWEST_HZ: f64 = 100.0;
-/// A longer gap stops a run, ms.
+/// A longer gap stops a run, ms: the guard's limit for the age of a state.
 const LONGEST_GAP_MS: f64 = 20.0;
 /// Share of lost messages: above the first it is a warning, above the second a fault.
 const LOST: [f64; 2] = [0.001, 0.01];
@@ -17,7 +17,7 @@ const CLOCK_PPM: f64 = 500.0;
 /// With fewer messages nothing else is judged.
 pub(super) const FEWEST: usize = 20;
 
-/// How states come.
+/// Arrival of states.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NetworkReport {
     /// Messages heard.
@@ -49,11 +49,11 @@ pub struct NetworkReport {
 pub struct ClockReport {
     /// How much faster the robot's counter runs than ms of this computer, parts per million.
     pub faster_ppm: Measured,
-    /// How irregularly messages come, by the robot's counter: standard deviation, ms.
+    /// Irregularity of the arrival against the robot's counter: standard deviation, ms.
     pub jitter_ms: f64,
 }
 
-/// What the times of messages show.
+/// Measures the arrival of messages.
 pub(super) fn network(heard: &[Heard], other_commands: u64) -> NetworkReport {
     let seconds = match (heard.first(), heard.last()) {
         (Some(first), Some(last)) => last.came.saturating_sub(first.came).as_secs_f64(),
@@ -63,6 +63,7 @@ pub(super) fn network(heard: &[Heard], other_commands: u64) -> NetworkReport {
     let counts = heard.windows(2).any(|pair| pair[0].state.tick != pair[1].state.tick);
     let steps: Vec<i64> = heard
         .windows(2)
+        // The difference as a signed number is right where the counter wraps, and negative for an older message.
         .map(|pair| i64::from(pair[1].state.tick.wrapping_sub(pair[0].state.tick).cast_signed()))
         .collect();
     let ahead: Vec<f64> = steps.iter().filter(|step| **step > 0).map(|step| *step as f64).collect();
@@ -183,6 +184,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
     }
     if let Some(clock) = &report.clock {
         let ppm = clock.faster_ppm;
+        // Jitter of arrival in a short recording alone must not make a finding.
         if ppm.value.abs() > CLOCK_PPM + 3.0 * ppm.error {
             findings.push(Finding::warning(
                 Check::Clock,
@@ -201,6 +203,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
 pub(super) fn step(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
+    // Smaller distances are rounding of one value.
     let steps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-9);
     let least = steps.fold(f64::INFINITY, f64::min);
     if least.is_finite() && span(sorted.iter().copied()) > 0.0 { least } else { 0.0 }

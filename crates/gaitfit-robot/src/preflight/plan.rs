@@ -9,7 +9,7 @@ use crate::command::{Command, MotorCommand};
 use crate::per_motor::PerMotor;
 use crate::robot::Robot;
 
-/// What the robot is doing.
+/// Stage of the motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Stage {
@@ -35,24 +35,32 @@ pub enum Stage {
 const SOFT: f32 = 0.5;
 /// Time in which the gains grow, s.
 const SOFTEN: f64 = 1.5;
-/// Speed of approach and return, rad/s, and their least time, s.
+/// Mean speed of the joint that has the longest way in approach and return, rad/s.
 const SPEED: f64 = 0.4;
+/// Min time of approach and return, s, for joints that are in the hanging pose already.
 const LEAST: f64 = 1.5;
 /// Time at rest before the joints move, s.
 const HOLD: f64 = 0.7;
-/// Largest motion of a joint about its pose, rad, and how far targets stay from the ends of its range, rad.
+/// Largest motion of a joint about its pose, rad.
 pub(super) const AMPLITUDE: f64 = 0.1;
+/// Distance of targets from the ends of a joint's range, rad: a reading may be off by as much.
 const ROOM: f64 = 0.03;
-/// A joint's own motion: up and back, down and back, each so long, s; then a quick one, in parts of the first.
+/// Time of the first half of a joint's own motion, up and back, and of the second, down and back, s. The amount is
+/// judged from these halves alone.
 pub(super) const SLOW: f64 = 0.9;
+/// Time of the quick motion after them, s.
 const QUICK: f64 = 0.8;
+/// Frequency of the quick motion, Hz.
 const QUICK_HZ: f64 = 4.0;
+/// Size of the quick motion, in parts of the slow one.
 const QUICK_PART: f64 = 0.7;
-/// All joints together: so long, s, from one frequency to another, Hz, in parts of the amplitude.
+/// Time in which all joints move together, s.
 const EXCITE: f64 = 8.0;
+/// Frequency of that motion at its beginning and at its end, Hz.
 const SWEEP: [f64; 2] = [0.3, 3.0];
+/// Size of that motion, in parts of a joint's amplitude.
 const EXCITE_PART: f64 = 0.8;
-/// Fade at both ends, s.
+/// Time in which that motion grows at its beginning and fades at its end, s.
 const FADE: f64 = 0.5;
 
 /// The targets of the joints over time.
@@ -83,6 +91,7 @@ impl Plan {
             .fold(0.0, f64::max);
         let amplitude = PerMotor::from_fn(from.len(), |motor| {
             let [low, high] = robot.motors[motor].range.unwrap_or([f32::NEG_INFINITY, f32::INFINITY]);
+            // The motion is the same to both sides, so the nearer end of the range bounds it.
             let room = (high - hanging[motor]).min(hanging[motor] - low) - ROOM as f32;
             room.clamp(0.0, AMPLITUDE as f32)
         });
@@ -149,6 +158,7 @@ impl Plan {
 
     /// Targets of a stage, `time` s after it began; those of damping are where the joints were at first.
     pub fn command(&self, stage: Stage, time: f64) -> Command {
+        // Half a cosine begins and ends at rest; in the middle it is π/2 times as fast as on average.
         let smooth = |part: f64| 0.5 - 0.5 * (PI * part.clamp(0.0, 1.0)).cos();
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f64, motor: usize| {
             from[motor] + smooth(part) as f32 * (to[motor] - from[motor])
@@ -176,6 +186,7 @@ impl Plan {
 
 /// A joint's own motion, −1 to 1.
 fn alone(time: f64) -> f64 {
+    // Each part is 0 at both ends, and so is its velocity: targets never jump.
     let bump = |time: f64| (PI * time / SLOW).sin().powi(2);
     if time < SLOW {
         bump(time)
@@ -190,6 +201,7 @@ fn alone(time: f64) -> f64 {
 /// A joint's part of the motion of all, −1 to 1: a sweep with a phase of its own.
 fn together(time: f64, motor: usize) -> f64 {
     let fade = (time.min(EXCITE - time) / FADE).clamp(0.0, 1.0);
+    // The frequency grows linearly; its integral is the phase.
     let turns = SWEEP[0] * time + 0.5 * (SWEEP[1] - SWEEP[0]) * time * time / EXCITE;
     // The golden ratio spreads the phases of any number of joints.
     let phase = TAU * (motor as f64 * 0.618_033_988_75).fract();

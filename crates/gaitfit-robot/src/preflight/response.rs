@@ -13,13 +13,15 @@ use super::gain::{Reported, reported};
 use super::log::{DT, Row, SampledStates};
 use super::statistics::{Measured, least_squares, mean, slope, span};
 
-/// Samples of a bump, and between two bumps.
+/// Samples of a bump: 30 ms.
 pub(super) const LENGTH: usize = 15;
+/// Samples from one bump to the next.
 pub(super) const STRIDE: usize = 3;
 /// Min number of bumps.
 const FEWEST: usize = 30;
-/// Longest delay that is tried, in steps of half a row.
+/// Longest delay that is tried, in steps of [`DELAY_STEP`]: 60 ms.
 pub(super) const DELAYS: usize = 60;
+/// Step of the delays that are tried, s: half a row.
 pub(super) const DELAY_STEP: f64 = 0.5 * DT;
 /// Slowest motion that counts, rad/s.
 const SLOWEST: f64 = 0.1;
@@ -28,12 +30,12 @@ const SEEN: f64 = 5.0;
 /// A target holds until the next one is sent: on average it is late by half a row, s.
 pub(super) const HELD: f64 = 0.5 * DT;
 
-/// What a joint's own motion shows.
+/// Results of a joint's own motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Response {
-    /// By its equation of motion; absent if it moves too slowly for one.
+    /// Its equation of motion; absent if it moves too slowly for one.
     pub(super) equation: Option<Equation>,
-    /// By its reported torque; absent where none is reported.
+    /// Its reported torque; absent where none is reported.
     pub(super) torque: Option<Reported>,
     /// Change of the angle over change of the target.
     pub(super) follows: f64,
@@ -71,6 +73,7 @@ pub(super) fn response(
     if span(angles.iter().copied()) < 0.01 {
         return None;
     }
+    // The reported torque is the fallback for the delay where friction hides the inertia.
     let torque = reported(rows, window.clone(), motor, sampled.message);
     let otherwise = torque.map_or(0.0, |torque| torque.delay.value);
     let equation = equation(rows, window.clone(), motor, mean(&angles), otherwise);
@@ -84,6 +87,8 @@ pub(super) fn response(
 /// The delay with the least squares near `best`, in steps, and its error: by the noise of one of the squares, and how much they
 /// overlap.
 pub(super) fn least(squares: &[f64], best: usize, count: usize, overlap: f64) -> Measured {
+    // The vertex of the parabola through the squares at the best delay and its two neighbours. Six degrees of
+    // freedom go to the five coefficients and the delay.
     let noise = squares[best] / count.saturating_sub(6).max(1) as f64;
     let around = best.checked_sub(1).map(|at| squares[at]).zip(squares.get(best + 1).copied());
     let (fraction, error) = match around {
@@ -111,6 +116,7 @@ fn equation(
     centre: f64,
     otherwise: f64,
 ) -> Option<Equation> {
+    // For each delay the equation is linear in its five coefficients: the delay with the least squares is taken.
     let all: Vec<_> =
         (0..=DELAYS).map(|delay| equations(rows, window.clone(), motor, centre, delay)).collect();
     let count = all[0].len();
@@ -119,7 +125,8 @@ fn equation(
     }
     let squares: Vec<f64> =
         all.iter().map(|rows| least_squares(rows).map_or(f64::INFINITY, |(_, _, left)| left)).collect();
-    // Neighbouring bumps overlap.
+    // Neighbouring bumps overlap, so there are fewer independent rows: a bump is effectively about LENGTH / 1.5
+    // samples wide.
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
     let best = (0..squares.len()).min_by(|a, b| squares[*a].total_cmp(&squares[*b]))?;
     if !squares[best].is_finite() {
@@ -134,12 +141,14 @@ fn equation(
             error: overlap * (noise * covariance[k][k].max(0.0)).sqrt(),
         }))
     };
+    // At an end of the tried delays the least squares may lie outside, so they show no delay.
     let seen = |inertia: &Measured| inertia.value > SEEN * inertia.error && best > 0 && best < DELAYS;
     let [inertia, damping, friction, weight] = solved(best)?;
     if seen(&inertia) {
         let (delay, inertia) = (Some(seconds(delay)), Some(inertia));
         return Some(Equation { delay, inertia, damping, friction, weight });
     }
+    // Without a delay of its own the joint gets the one that its torque shows.
     let [_, damping, friction, weight] = solved(((otherwise + HELD) / DELAY_STEP).round().max(0.0) as usize)?;
     Some(Equation { delay: None, inertia: None, damping, friction, weight })
 }
@@ -172,6 +181,7 @@ fn equations(
         let (mut row, mut right) = ([0.0; 5], 0.0);
         let velocity = |k: usize| f64::from(rows[begin + k].state.dq[motor]);
         let sign = velocity(0).signum();
+        // Within a bump the joint moves one way: there friction is a constant.
         if (0..LENGTH).any(|k| sign * velocity(k) < SLOWEST) {
             begin += STRIDE;
             continue;
@@ -179,10 +189,13 @@ fn equations(
         for k in 0..LENGTH {
             let at = begin + k;
             let x = (k as f64 + 0.5) * DT / half - 1.0;
+            // 0 at both ends, so that integration by parts leaves no boundary terms; `bent` is its derivative by
+            // time.
             let bump = (1.0 - x * x).powi(3);
             let bent = -6.0 * x * (1.0 - x * x).powi(2) / half;
             let state = &rows[at].state;
             let (q, dq) = (f64::from(state.q[motor]), f64::from(state.dq[motor]));
+            // Inertia (by parts), viscous friction, dry friction, weight, and its change with the angle.
             row[0] -= DT * bent * dq;
             row[1] += DT * bump * dq;
             row[2] += DT * bump * sign;

@@ -86,6 +86,7 @@ pub(super) fn least_squares<const N: usize>(
             }
         }
     }
+    // Columns are scaled to length 1: then a small pivot means that they depend on each other, whatever their units.
     let scale: [f64; N] = std::array::from_fn(|i| normal[i][i].sqrt());
     if scale.iter().any(|scale| *scale <= 0.0 || !scale.is_finite()) {
         return None;
@@ -94,6 +95,7 @@ pub(super) fn least_squares<const N: usize>(
         std::array::from_fn(|i| std::array::from_fn(|j| normal[i][j] / (scale[i] * scale[j])));
     let mut inverse: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+    // Gauss–Jordan elimination with row pivoting.
     for pivot in 0..N {
         let best = (pivot..N).max_by(|a, b| left[*a][pivot].abs().total_cmp(&left[*b][pivot].abs()))?;
         left.swap(pivot, best);

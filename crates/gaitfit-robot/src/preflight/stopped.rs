@@ -1,4 +1,4 @@
-//! Why a motion was stopped: which joint, and what is wrong with it.
+//! Diagnosis of a motion that was stopped: which joint, and what is wrong with it.
 
 use super::flight::Flown;
 use super::log::{Row, SampledStates};
@@ -10,8 +10,9 @@ use crate::robot::Robot;
 
 /// A joint that was displaced by more than this moved, rad.
 const MOVED: f64 = 0.04;
-/// If the command gives more than this torque, N·m, the motor must report at least this part of it.
+/// Torque of a command above which the motor must report some of it, N·m.
 const ASKED: f64 = 0.5;
+/// Part of that torque that the motor must report.
 const ANSWER: f64 = 0.2;
 /// Rows at the end that show the torque.
 const LAST: usize = 50;

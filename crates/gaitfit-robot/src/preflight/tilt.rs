@@ -1,4 +1,4 @@
-//! What a person's tilts show: axes and signs of orientation and gyro.
+//! Axes and signs of orientation and gyro, from a person's tilts.
 
 use gaitfit_model::rotation::{Vec3, dot};
 use serde::Serialize;
@@ -53,20 +53,20 @@ impl Motion {
 /// A turn that a person made, with the states from just before it to its end.
 #[derive(Clone, Debug)]
 pub struct Tilted {
-    /// Which one.
+    /// The turn that was asked for.
     pub motion: Motion,
-    /// What came meanwhile.
+    /// States from just before it to its end.
     pub heard: Vec<Heard>,
 }
 
 /// A turn as the unit saw it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TiltReport {
-    /// Which one.
+    /// The turn that was asked for.
     pub motion: Motion,
     /// The turn by the orientation, degrees about x, y, z.
     pub turn: [f64; 3],
-    /// The same by the gyro.
+    /// The turn by the gyro, degrees about x, y, z.
     pub gyro_turn: [f64; 3],
 }
 
@@ -77,6 +77,7 @@ pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Findi
     for one in &reports {
         judge_gyro(one, &mut findings);
     }
+    // All turns about other axes than asked for: together they tell how the unit is mounted.
     let off = |one: &&TiltReport| angle(one.turn, one.motion.axis()).to_degrees() > OFF_AXIS;
     let wrong: Vec<&TiltReport> = reports.iter().filter(off).collect();
     let read = |motion: Motion| reports.iter().find(|one| one.motion == motion).map(|one| one.turn);
@@ -120,6 +121,7 @@ fn report(tilted: &Tilted) -> Option<TiltReport> {
     let mut q = from;
     for pair in heard.windows(2) {
         let seconds = pair[1].came.saturating_sub(pair[0].came).as_secs_f64();
+        // The mean of both ends (trapezoidal rule).
         let rate: Vec3 =
             std::array::from_fn(|k| 0.5 * f64::from(pair[0].state.gyroscope[k] + pair[1].state.gyroscope[k]));
         q = advanced(q, rate, seconds);
@@ -147,6 +149,7 @@ fn judge_gyro(one: &TiltReport, findings: &mut Vec<Finding>) {
             "the gyro reads the opposite sign of the orientation's turn".to_owned(),
             "In logs state imu.negated = true",
         )
+    // 180/π = 57 if the unit is a degree; half of it leaves room for a turn that was not pure.
     } else if along && ratio > 30.0 {
         ("the gyro's unit is °/s".to_owned(), "In logs state imu.unit = \"deg\"")
     } else {

@@ -8,22 +8,23 @@ use super::Heard;
 use super::tilt::{Motion, Tilted};
 use super::turned::{orientation, turn_between};
 
-/// A turn counts if it is at least this large and is held still, rad.
+/// A turn counts if it is at least this large and is held still, rad: the 20° that the person is asked for.
 const ENOUGH: f64 = 0.35;
-/// Still means slower than this, rad/s, for this long.
+/// Rate below which the robot counts as still, rad/s: a person holds it.
 const STILL: f64 = 0.25;
+/// Time for which it must be still.
 const HELD: Duration = Duration::from_millis(400);
 /// How long a person has for each turn.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Min time between two turns, in which the person brings the robot back.
 const BETWEEN: Duration = Duration::from_secs(3);
 
-/// What the person must do.
+/// The next thing that the person must do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
-    /// To hold the robot level and still.
+    /// Hold the robot level and still.
     Level,
-    /// To make this turn, and to hold it.
+    /// Make this turn, and hold it.
     Turn(Motion),
     /// Nothing more: all turns are made.
     Done,
@@ -63,7 +64,7 @@ impl Tilting {
         }
     }
 
-    /// What the person is asked for now.
+    /// Returns what the person must do now.
     pub fn asked(&self) -> Asked {
         self.asked
     }

@@ -15,6 +15,7 @@ pub(super) fn orientation(quaternion: [f32; 4]) -> Option<Quat> {
 pub(super) fn mean_orientation(orientations: impl IntoIterator<Item = Quat>) -> Option<Quat> {
     let mut sum = [0.0f64; 4];
     for q in orientations {
+        // q and −q are the same orientation: the one on the side of the sum is added.
         let along: f64 = sum.iter().zip(&q).map(|(a, b)| a * b).sum();
         let sign = if along < 0.0 { -1.0 } else { 1.0 };
         sum.iter_mut().zip(&q).for_each(|(sum, x)| *sum += sign * x);
@@ -48,6 +49,7 @@ pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {
 /// The turn from one orientation to another as a vector in the body frame, rad.
 pub(super) fn turn_between(from: Quat, to: Quat) -> Vec3 {
     let mut q = product(inverse(from), to);
+    // Of the two ways round, the shorter one.
     if q[0] < 0.0 {
         q = q.map(|x| -x);
     }
@@ -68,6 +70,7 @@ pub(super) fn nearest_quarter_turns(q: Quat) -> ([f64; 3], f64) {
                 let [a, b, c] = angles.map(f64::to_radians);
                 let turn = turn_between(from_rpy(a, b, c), q);
                 let away = dot(turn, turn).sqrt().to_degrees();
+                // At a pitch of ±90° several triples are the same rotation; rounding must not choose among them.
                 if away < best.1 - 1e-6 {
                     best = (angles, away);
                 }

@@ -47,7 +47,7 @@ impl Robot {
         }
     }
 
-    /// What is wrong with it, in words.
+    /// Returns the first contradiction of the file, in words.
     fn wrong(&self) -> Option<String> {
         let slots = self.messages.slots();
         if self.motors.is_empty() || self.motors.len() > slots {

@@ -28,7 +28,7 @@ pub struct Robot {
     pub title: String,
     /// A policy's robot is this one if its name contains one of these, in small letters.
     pub policies: Vec<String>,
-    /// What it speaks.
+    /// The messages that it speaks.
     pub messages: Messages,
     /// Whether it must hang before and after the walk: nothing else holds a humanoid then.
     #[serde(default)]
@@ -43,7 +43,7 @@ pub struct Robot {
     pub command_type: Option<CommandType>,
     /// Numbers of each joint in commands without names.
     pub command_order: Option<Vec<CommandPart>>,
-    /// When it goes to damping.
+    /// Limits that lead to damping.
     pub guard: Rules,
     /// Its motors, motor order.
     pub motors: Vec<Motor>,
@@ -87,7 +87,7 @@ impl Messages {
     }
 }
 
-/// When a robot goes to damping, and what no command may exceed.
+/// Limits that lead to damping, and gains that no command may exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rules {
@@ -180,7 +180,7 @@ impl Robot {
         PerMotor::from_fn(self.motors.len(), |motor| self.motors[motor].slot.unwrap_or(motor))
     }
 
-    /// What its motors and joints bear.
+    /// Returns the limits of its motors and joints.
     pub fn limits(&self) -> Limits {
         let Rules { kp, kd, .. } = self.guard;
         Limits {
@@ -205,7 +205,7 @@ impl Robot {
         })
     }
 
-    /// When it goes to damping, under a policy that acts every `control_dt`.
+    /// Returns the settings of the guard, under a policy that acts every `control_dt`.
     pub fn guard(&self, control_dt: Duration) -> GuardSettings {
         GuardSettings::new(self, control_dt)
     }

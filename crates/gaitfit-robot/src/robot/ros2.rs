@@ -1,4 +1,4 @@
-//! What the file of a robot that speaks ROS 2 says of its topics.
+//! Topics of a robot that speaks ROS 2, as its file states them.
 
 use serde::Deserialize;
 
@@ -100,7 +100,7 @@ impl Robot {
         Ok(topics)
     }
 
-    /// What is wrong with the keys that only some messages have, in words.
+    /// Returns the first problem with the keys that only some messages have, in words.
     pub(super) fn wrong_kind(&self) -> Option<String> {
         if self.messages != Messages::Ros2 {
             return self.wrong_elsewhere();
@@ -129,7 +129,7 @@ impl Robot {
         self.wrong_names().or_else(|| self.wrong_order())
     }
 
-    /// The same of messages of Unitree.
+    /// Returns the same for Unitree's messages.
     fn wrong_elsewhere(&self) -> Option<String> {
         if self.guard.temperature.is_none() {
             return Some("`guard.temperature` is missing; give the hottest a motor may be, in °C".to_owned());

@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-/// Max elements of a sequence.
+/// Max elements of a sequence. The longest one needed is a `Float64MultiArray` of 35 motors with 5 numbers each: 175.
 pub const MAX_ITEMS: usize = 256;
 /// Max length of a name, bytes.
 pub const MAX_NAME: usize = 64;
@@ -23,6 +23,7 @@ pub(super) fn items<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> 
         }
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut from: A) -> Result<Vec<T>, A::Error> {
+            // Grows as elements come: the length that a message states is not trusted.
             let mut all = Vec::new();
             while let Some(item) = from.next_element()? {
                 if all.len() == MAX_ITEMS {

@@ -54,9 +54,9 @@ impl<'de> Deserialize<'de> for Frame {
 /// `std_msgs/msg/Header`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
-    /// When it was measured or made.
+    /// Time at which it was measured or made.
     pub stamp: Stamp,
-    /// In which frame.
+    /// Name of the frame of its numbers.
     pub frame_id: Frame,
 }
 
@@ -149,7 +149,7 @@ pub struct DynamicJointState {
 /// `std_msgs/msg/MultiArrayDimension`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Dimension {
-    /// What it counts.
+    /// Name of the axis.
     #[serde(deserialize_with = "name")]
     pub label: String,
     /// Its length.
@@ -171,7 +171,7 @@ pub struct Layout {
 /// `std_msgs/msg/Float64MultiArray`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Float64MultiArray {
-    /// How it is laid out.
+    /// Sizes and strides of the numbers.
     pub layout: Layout,
     /// The numbers.
     #[serde(deserialize_with = "items")]

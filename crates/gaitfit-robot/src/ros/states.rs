@@ -10,10 +10,10 @@ use crate::unitree::Remote;
 
 /// Names that an error lists at most.
 const LISTED: usize = 40;
-/// First number of a covariance whose quantity is not measured.
+/// First number of a covariance whose quantity is not measured, by the definition of `sensor_msgs/msg/Imu`.
 const UNKNOWN: f64 = -1.0;
 
-/// What a message makes.
+/// Result of taking a message.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Taken {
     /// A state.
@@ -77,6 +77,7 @@ impl States {
     /// A unit without orientation or body rates.
     pub fn imu(&mut self, now: Instant, message: &Imu) -> Result<Taken, String> {
         let stamp = message.header.stamp;
+        // A driver that sets no stamps sends 0 each time; its messages all count as new.
         if self.imu.is_some_and(|(_, last)| stamp != Stamp::default() && stamp == last.header.stamp) {
             return Ok(Taken::Nothing);
         }
@@ -192,6 +193,7 @@ impl States {
             q: values_of(&message.position),
             dq: values_of(&message.velocity),
             torque: values_of(&message.effort),
+            // These messages have no temperatures, errors, losses, battery and remote.
             temperature: self.places.map(|_| 0),
             error: self.places.map(|_| 0),
             lost: self.places.map(|_| 0),

@@ -1,4 +1,4 @@
-//! What the two loops of a run tell each other.
+//! Numbers that the two loops of a run exchange.
 
 use std::time::Duration;
 
@@ -8,18 +8,18 @@ use crate::per_motor::PerMotor;
 use crate::state::RobotState;
 use crate::supervisor::Phase;
 
-/// What the two loops of a run tell each other: the one that sends at a high rate, and the policy's.
+/// Numbers that the two loops of a run exchange: the one that sends at a high rate, and the policy's.
 #[derive(Clone, Debug)]
 pub struct Board {
     /// The last good state and when it came.
     pub state: Option<(Duration, RobotState)>,
-    /// What the robot is doing.
+    /// Phase of the run.
     pub phase: Phase,
     /// It stands and waits for the policy.
     pub awaits_policy: bool,
     /// The last command was sent.
     pub over: bool,
-    /// Why it is in damping, or may not be armed.
+    /// The reason for damping, or for not arming the robot.
     pub reason: Option<Reason>,
     /// Why it was not armed when that was asked for.
     pub refused: Option<Reason>,

@@ -6,7 +6,7 @@ use super::script::Script;
 use crate::state::RobotState;
 use crate::unitree::scaled;
 
-/// What is wanted of the robot at one moment.
+/// The command at one moment, and the walk that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
     /// Forward, left, m/s, and yaw rate, rad/s.
@@ -70,7 +70,7 @@ pub enum Key {
 /// Steps from standing to the end of a range.
 const STEPS: i8 = 10;
 
-/// What keys have come to.
+/// The command that the keys have added up to.
 #[derive(Clone, Debug)]
 pub struct Steering {
     ranges: Ranges,

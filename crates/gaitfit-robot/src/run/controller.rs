@@ -28,7 +28,7 @@ pub struct Controller<'a> {
     standing: PerMotor<f32>,
     sensed: Sensed,
     begun: Option<Duration>,
-    /// When the commands were over, s after it began.
+    /// Time at which the commands were over, s after it began.
     ended: Option<f64>,
     /// The walk that is recorded.
     walk: Option<usize>,
@@ -114,6 +114,7 @@ impl<'a> Controller<'a> {
                 self.recorder.begin(number)?;
             }
         }
+        // Observe, act, and give motors that the policy does not move their standing angles.
         self.sense(&state, command);
         let (action, targets) = self.pilot.step(&mut self.sensed);
         let mut of_motors = self.standing;

@@ -9,26 +9,26 @@ use crate::command::Command;
 use crate::guard::Limits;
 use crate::state::RobotState;
 
-/// Most moments that are kept: half a minute at 500 Hz.
+/// Max number of moments that are kept: half a minute at 500 Hz.
 const MAX_SAMPLES: usize = 15_000;
 /// Delays that are tried, ms.
 const DELAYS: u64 = 60;
-/// Fewest states for an answer.
+/// Min number of states for an answer.
 const FEWEST: usize = 200;
 
-/// What was sent and felt, a moment after the other.
+/// Commands and states, in the order of time.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
     commands: VecDeque<(Duration, Command)>,
     states: VecDeque<(Duration, RobotState)>,
 }
 
-/// Which delay explains the reported torques best.
+/// The delay that explains the reported torques best.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Delay {
-    /// From sending a command to a state with its torque in it, ms; whole ones.
+    /// Time from sending a command to a state with its torque in it, whole ms.
     pub ms: u64,
-    /// What it leaves unexplained: root mean square of the difference over that of the torques.
+    /// Part that stays unexplained: root mean square of the difference over that of the torques.
     pub residual: f64,
 }
 
@@ -51,6 +51,7 @@ impl Trace {
     /// command of so long ago makes at the reported angles and velocities, within `limits`. `None` after a short walk, and
     /// where no torques are reported.
     pub fn delay(&self, limits: &Limits) -> Option<Delay> {
+        // For earlier states the command of the longest delay is not kept.
         let first = self.commands.front()?.0 + Duration::from_millis(DELAYS);
         let states: Vec<&(Duration, RobotState)> =
             self.states.iter().filter(|(came, _)| *came >= first).collect();
@@ -63,12 +64,14 @@ impl Trace {
             let mut next = 0;
             let mut sum = 0.0;
             for (came, state) in &states {
+                // The last command that had arrived by then; both lists rise, so one pass is enough.
                 while self.commands.get(next + 1).is_some_and(|(sent, _)| *sent + delay <= *came) {
                     next += 1;
                 }
                 let (_, command) = &self.commands[next];
                 for motor in 0..state.q.len() {
                     let max = limits.torque[motor];
+                    // The motor cuts what it cannot give, and reports the rest.
                     let made = command[motor].torque(state.q[motor], state.dq[motor]).clamp(-max, max);
                     sum += f64::from(made - state.torque[motor]).powi(2);
                 }

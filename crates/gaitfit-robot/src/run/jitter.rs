@@ -1,13 +1,13 @@
-//! How steady a loop was.
+//! Lateness of a loop.
 
 use std::time::Duration;
 
 use serde::Serialize;
 
-/// Most times that are kept: more than half an hour at 500 Hz.
+/// Max number of times that are kept: more than half an hour at 500 Hz.
 const MAX_SAMPLES: usize = 1 << 20;
 
-/// How late each turn of a loop was.
+/// Lateness of each turn of a loop, µs.
 #[derive(Clone, Debug, Default)]
 pub struct Jitter {
     late: Vec<u32>,

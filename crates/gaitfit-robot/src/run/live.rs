@@ -16,14 +16,14 @@ use crate::guard::{Limits, Reason};
 use crate::state::RobotState;
 use crate::supervisor::Phase;
 
-/// Time between two commands.
+/// Time between two commands: a Go2 sends its states as often.
 const TICK: Duration = Duration::from_millis(2);
 /// How long to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
 /// How long to listen for other controllers before arming.
 const LISTEN: Duration = Duration::from_secs(1);
 
-/// What a run needs from the person beside the robot.
+/// Callbacks to the person beside the robot, and settings of a run.
 pub struct Live<'a> {
     /// Asked once, when the robot is heard: whether to arm it. `false` ends the run.
     pub confirm: &'a mut dyn FnMut(&RobotState) -> bool,
@@ -49,6 +49,7 @@ pub fn real_time() -> bool {
             set_thread_priority_and_policy, thread_native_id,
         };
         let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+        // The middle of Linux's range, 1 to 99.
         let Ok(value) = ThreadPriorityValue::try_from(50u8) else { return false };
         set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
             .is_ok()
@@ -57,10 +58,10 @@ pub fn real_time() -> bool {
     thread_priority::set_current_thread_priority(thread_priority::ThreadPriority::Max).is_ok()
 }
 
-/// What a run was.
+/// Summary of a run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Why it ended in damping; `None`: it walked to the end and lay down.
+    /// The reason for damping; `None`: the robot walked to the end and lay down.
     pub reason: Option<String>,
     /// Whether it was armed.
     pub armed: bool,
@@ -68,7 +69,7 @@ pub struct Summary {
     pub real_time: bool,
     /// Messages of the robot.
     pub states: u64,
-    /// Those while armed.
+    /// Messages while armed.
     pub armed_states: u64,
     /// Its rate, Hz, from the first to the last.
     pub state_hz: f64,
@@ -86,11 +87,11 @@ pub struct Summary {
     pub state_age_ms: f64,
     /// The greatest, ms.
     pub oldest_state_ms: f64,
-    /// How late the loop that sends was, µs.
+    /// Lateness of the loop that sends, µs.
     pub send_late_us: Lateness,
-    /// How late the policy's loop was, µs.
+    /// Lateness of the policy's loop, µs.
     pub control_late_us: Lateness,
-    /// From a command to a state with its torque in it.
+    /// Time from a command to a state with its torque in it.
     pub delay: Option<Delay>,
 }
 
@@ -164,6 +165,7 @@ impl Beat {
         sleep(self.due.saturating_sub(now));
         let now = self.begin.elapsed();
         let due = self.due;
+        // Turns in a row to catch up would send several commands at once.
         if now > self.due + self.period {
             self.due = now;
         }
@@ -207,6 +209,7 @@ fn control(
     let refused = |reason| Err(RobotError::NotArmed(reason));
     let mut heard = None;
     loop {
+        // First a good state, and then a second of listening: another controller would show.
         sleep(Duration::from_millis(10));
         let (state, reason, now) = {
             let board = lock(board);
@@ -256,6 +259,7 @@ fn control(
         // On a copy: a disk that lets the logs wait must not hold up the loop that sends.
         let mut seen = lock(board).clone();
         turns += 1;
+        // The loop that sends arms or refuses within one of its turns; after so long it is gone.
         if seen.refused.is_some() || seen.phase == Phase::Idle && turns > 50 {
             controller.remove_logs();
             return refused(seen.refused.unwrap_or(Reason::NoState));
@@ -263,6 +267,7 @@ fn control(
         let done = controller.cycle(now, &mut seen);
         let mut board = lock(board);
         board.targets = seen.targets;
+        // The loop that sends clears these flags; one that it has not seen yet must stay.
         board.slow_down |= seen.slow_down;
         board.lie_down |= seen.lie_down;
         if let Err(error) = done {

@@ -24,7 +24,7 @@ pub const RUN: &str = "run";
 /// Columns of [`WHOLE`] with the command that was sent to each joint: angle, rad; gains; velocity, rad/s.
 const SENT: [&str; 4] = ["sent_q_", "sent_kp_", "sent_kd_", "sent_dq_"];
 
-/// What the policy did in a control period.
+/// Action of the policy in a control period.
 #[derive(Clone, Copy, Debug)]
 pub struct Acted<'a> {
     /// Time since the walk's beginning, s.
@@ -56,7 +56,7 @@ pub struct Recorder {
     /// Digits of the walks' numbers in their files' names; `None`: one walk.
     digits: Option<usize>,
     walk: Option<Log>,
-    /// The same walk as MCAP.
+    /// The MCAP file of the same walk.
     view: Option<View>,
     interface: Interface,
     whole: Option<Log>,
@@ -243,6 +243,7 @@ impl Recorder {
 
     fn row(&mut self, time: f64, state: &RobotState) {
         self.line.clear();
+        // `{:?}` of a number is the shortest text that reads back as the same number.
         let _ = write!(self.line, "{time:?}");
         let motors = std::mem::take(&mut self.motors);
         self.numbers(motors.iter().map(|&motor| &state.q[motor]));
@@ -251,6 +252,7 @@ impl Recorder {
     }
 
     fn rest(&mut self, state: &RobotState, age: f64) {
+        // Taken out, because `numbers` borrows all of `self`, and put back below.
         let motors = std::mem::take(&mut self.motors);
         self.numbers(state.quaternion.iter().chain(&state.gyroscope).chain(&state.accelerometer));
         self.numbers(motors.iter().map(|&motor| &state.torque[motor]));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::RobotError;
 
-/// Most rows of a script.
+/// Max rows of a script.
 const MAX_ROWS: usize = 100_000;
 /// Largest script, bytes: 160 a row.
 const MAX_BYTES: u64 = 16 << 20;
@@ -18,7 +18,7 @@ const LARGEST: f64 = 5.0;
 pub struct Script {
     /// Time since the walk's beginning (s) and command: forward, left (m/s), yaw rate (rad/s).
     rows: Vec<(f64, [f32; 3])>,
-    /// From when to when each walk is recorded, s.
+    /// Beginning and end of the recording of each walk, s.
     walks: Vec<[f64; 2]>,
     /// Whether it is made of walks that each have a log of their own.
     many: bool,
@@ -71,6 +71,7 @@ impl Script {
         for walk in recorded {
             let walk = Self::new(walk.clone())?;
             let end = begin + walk.seconds();
+            // The last row of a walk only says when it ends: a pause takes its place.
             let commands = walk.rows.len() - 1;
             rows.extend(walk.rows[..commands].iter().map(|(time, command)| (begin + time, *command)));
             rows.push((end, [0.0; 3]));
@@ -89,6 +90,7 @@ impl Script {
         let text = gaitfit_log::regular_file::read_text(path, MAX_BYTES).map_err(|error| {
             refuse(format!("{error}; name a CSV file with the header t,vx,vy,wz (s, m/s, m/s, rad/s)"))
         })?;
+        // Spreadsheets put a byte order mark before the text.
         let text = text.trim_start_matches('\u{feff}');
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
@@ -112,6 +114,7 @@ impl Script {
             }
             let [time, vx, vy, wz] = numbers;
             rows.push((time, [vx as f32, vy as f32, wz as f32]));
+            // `new` refuses these rows; more need not be read.
             if rows.len() > MAX_ROWS {
                 break;
             }

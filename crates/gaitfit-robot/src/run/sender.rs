@@ -21,7 +21,7 @@ pub struct Sender<'a> {
     last_came: Option<Duration>,
     /// Messages of the robot so far.
     pub states: u64,
-    /// Those while armed.
+    /// Messages while armed.
     pub armed_states: u64,
     /// Commands sent so far.
     pub commands: u64,
@@ -29,9 +29,9 @@ pub struct Sender<'a> {
     pub clamped: u64,
     /// Longest time between two messages while armed.
     pub longest_gap: Duration,
-    /// How late the loop was.
+    /// Lateness of the loop.
     pub jitter: Jitter,
-    /// What was sent and felt while walking.
+    /// Commands and states while walking.
     pub trace: Trace,
 }
 
@@ -60,6 +60,8 @@ impl<'a> Sender<'a> {
         let Self {
             link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, ..
         } = self;
+        // The order matters: first what speaks against moving (states, other controllers, reasons to stop), then
+        // what is asked for, then the command, so that it never rests on a state that was refused in the same turn.
         let armed = supervisor.phase() != Phase::Idle;
         let mut newest = None;
         let heard = link.receive(now, &mut |age, reading| {
@@ -101,6 +103,7 @@ impl<'a> Sender<'a> {
             supervisor.lie_down(now);
         }
         if let Some((at, targets)) = board.targets
+            // Each output is taken once, so that its age grows while the policy is silent.
             && self.targets_of != Some(at)
         {
             self.targets_of = Some(at);

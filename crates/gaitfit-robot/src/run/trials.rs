@@ -12,7 +12,7 @@ pub const COMMAND: f64 = 4.0;
 pub const SPEEDS: [f32; 3] = [1.0, 1.0, 0.3925];
 /// Names of a trial's directions: ahead, to the left, turning to the left, each and its opposite.
 pub const DIRECTIONS: [[&str; 2]; 3] = [["+x", "-x"], ["+y", "-y"], ["+yaw", "-yaw"]];
-/// Most repetitions.
+/// Max number of repetitions.
 const MAX_REPEATS: usize = 50;
 
 /// A trial.
@@ -50,7 +50,7 @@ pub fn trials(repeats: usize, speeds: [f32; 3]) -> Result<Vec<Trial>, RobotError
     Ok(directions.iter().copied().cycle().take(repeats * directions.len()).collect())
 }
 
-/// What is to become of a robot that waits for its next trial.
+/// Answer to the question whether the next trial begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Next {
     /// It waits.
@@ -67,7 +67,7 @@ pub struct Trials<'a> {
     /// Asked while it waits: the trial's number, from 0, and for how long it has waited, s.
     next: Box<dyn FnMut(usize, f64) -> Next + 'a>,
     number: usize,
-    /// When the trial began, s; none while it waits.
+    /// Time at which the trial began, s; `None` while the robot waits.
     begun: Option<f64>,
     waiting: Option<f64>,
 }

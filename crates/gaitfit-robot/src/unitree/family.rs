@@ -13,7 +13,7 @@ pub trait StateMessage: DeserializeOwned + Send + 'static {
     /// Its type's name in DDS.
     const TYPE: &str;
 
-    /// What it says of the motors in `slots`.
+    /// Returns the state of the motors in `slots`.
     fn reading(&self, slots: &PerMotor<usize>) -> Reading;
 
     /// Kind of the machine, which a command must repeat; 0 where the message has none.

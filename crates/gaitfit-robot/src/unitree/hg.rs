@@ -20,7 +20,7 @@ pub const PITCH_ROLL: u8 = 0;
 /// Mode of a motor that follows its command.
 pub const ENABLED: u8 = 1;
 
-/// What one motor reports.
+/// State of one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotorState {
     /// Mode in force.
@@ -50,7 +50,7 @@ pub struct MotorState {
 pub struct LowState {
     /// Version.
     pub version: [u32; 2],
-    /// How ankles and waist are commanded.
+    /// Whether ankles and waist are commanded as pitch and roll or by motor; see [`PITCH_ROLL`].
     pub mode_pr: u8,
     /// Kind of the machine; a command must repeat it.
     pub mode_machine: u8,
@@ -68,7 +68,7 @@ pub struct LowState {
     pub crc: u32,
 }
 
-/// What one motor is to do: torque = kp (q − angle) + kd (dq − velocity) + tau, on the motor's own board.
+/// Command to one motor: torque = kp (q − angle) + kd (dq − velocity) + tau, on the motor's own board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotorCmd {
     /// [`ENABLED`] for a motor that follows.
@@ -120,7 +120,7 @@ impl LowCmd {
         crc(&self.layout()[..CMD_BYTES - 4])
     }
 
-    /// With its checksum filled in.
+    /// Returns the command with its checksum filled in.
     #[must_use]
     pub fn sealed(mut self) -> Self {
         self.crc = self.checksum();
@@ -151,7 +151,7 @@ impl LowState {
         crc(&self.layout()[..STATE_BYTES - 4])
     }
 
-    /// With its checksum filled in.
+    /// Returns the state with its checksum filled in.
     #[must_use]
     pub fn sealed(mut self) -> Self {
         self.crc = self.checksum();

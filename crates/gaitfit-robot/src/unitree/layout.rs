@@ -108,7 +108,7 @@ impl LowCmd {
         crc(&self.layout()[..CMD_BYTES - 4])
     }
 
-    /// With its checksum filled in.
+    /// Returns the command with its checksum filled in.
     pub fn sealed(mut self) -> Self {
         self.crc = self.checksum();
         self
@@ -148,7 +148,7 @@ impl LowState {
         crc(&self.layout()[..STATE_BYTES - 4])
     }
 
-    /// With its checksum filled in.
+    /// Returns the state with its checksum filled in.
     pub fn sealed(mut self) -> Self {
         self.crc = self.checksum();
         self

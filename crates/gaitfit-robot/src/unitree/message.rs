@@ -16,7 +16,7 @@ pub const LOW_LEVEL: u8 = 0xFF;
 /// Mode of a motor that follows its command.
 pub const SERVO: u8 = 1;
 
-/// What the inertial unit reads. `C`: the number that a family of messages has for temperatures.
+/// Readings of the inertial unit. `C`: the number that a family of messages has for temperatures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ImuState<C> {
     /// Orientation of the base in the world, wxyz, unit.
@@ -31,7 +31,7 @@ pub struct ImuState<C> {
     pub temperature: C,
 }
 
-/// What one motor reports.
+/// State of one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotorState {
     /// Mode in force.
@@ -58,7 +58,7 @@ pub struct MotorState {
     pub reserve: [u32; 2],
 }
 
-/// What the battery reports.
+/// State of the battery.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BmsState {
     /// Version.
@@ -130,7 +130,7 @@ pub struct LowState {
     pub crc: u32,
 }
 
-/// What one motor is to do: torque = kp (q − angle) + kd (dq − velocity) + tau, on the motor's own board.
+/// Command to one motor: torque = kp (q − angle) + kd (dq − velocity) + tau, on the motor's own board.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotorCmd {
     /// [`SERVO`] for a motor that follows.
@@ -149,7 +149,7 @@ pub struct MotorCmd {
     pub reserve: [u32; 3],
 }
 
-/// What the battery is to do.
+/// Command to the battery.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct BmsCmd {
     /// Switches off.

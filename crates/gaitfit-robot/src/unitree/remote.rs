@@ -4,7 +4,7 @@
 /// How far a stick may be from its middle and count as there; sticks do not come back quite to it.
 const DEAD_ZONE: f32 = 0.1;
 
-/// What is pressed and pushed.
+/// Buttons and sticks of the remote.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Remote {
     /// Left stick, −1 to 1, positive to the right and ahead.
@@ -18,7 +18,7 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Of the state's bytes. A stick whose number is none is in its middle.
+    /// Reads the state's bytes. A stick whose number is not finite counts as being in its middle.
     pub fn read(bytes: &[u8; 40]) -> Self {
         let axis = |at: usize| {
             let value = f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
@@ -33,6 +33,7 @@ impl Remote {
     /// turns.
     pub fn command(&self, ranges: &[[f32; 2]; 3]) -> [f32; 3] {
         let [aside, ahead] = self.left;
+        // Sticks count to the right; the robot's y axis and a positive turn are to the left.
         let sticks = [ahead, -aside, -self.right[0]].map(beyond_dead_zone);
         std::array::from_fn(|part| scaled(sticks[part], ranges[part]))
     }
@@ -40,6 +41,7 @@ impl Remote {
 
 /// A stick's way beyond its dead zone, −1 to 1.
 fn beyond_dead_zone(stick: f32) -> f32 {
+    // The rest is stretched, so that the command begins at 0 and reaches 1 at the end of the way.
     ((stick.abs() - DEAD_ZONE) / (1.0 - DEAD_ZONE)).max(0.0).copysign(stick)
 }
 

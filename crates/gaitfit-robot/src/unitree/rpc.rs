@@ -3,12 +3,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Which request, and what it asks for.
+/// Number of a request and its kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     /// Number of the request, chosen by who asks.
     pub id: i64,
-    /// What is asked for.
+    /// Kind of the request, by the vendor's number.
     pub api_id: i64,
 }
 
@@ -19,7 +19,7 @@ pub struct Lease {
     pub id: i64,
 }
 
-/// How a request is served.
+/// Priority of a request, and whether it is answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Policy {
     /// Above 0: before others.
@@ -31,15 +31,15 @@ pub struct Policy {
 /// Head of a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RequestHeader {
-    /// Which it is.
+    /// Number and kind.
     pub identity: Identity,
-    /// By which right.
+    /// The lease under which it is made.
     pub lease: Lease,
-    /// How it is served.
+    /// Priority, and whether it is answered.
     pub policy: Policy,
 }
 
-/// What a service is asked, on `rt/api/SERVICE/request`.
+/// Request to a service, on `rt/api/SERVICE/request`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Request {
     /// Its head.
@@ -50,7 +50,7 @@ pub struct Request {
     pub binary: Vec<u8>,
 }
 
-/// How it went.
+/// Success or failure of a request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Status {
     /// 0: well.
@@ -60,13 +60,13 @@ pub struct Status {
 /// Head of an answer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ResponseHeader {
-    /// Of the request that it answers.
+    /// Number and kind of the request that it answers.
     pub identity: Identity,
-    /// How it went.
+    /// Success or failure.
     pub status: Status,
 }
 
-/// What a service answers, on `rt/api/SERVICE/response`.
+/// Answer of a service, on `rt/api/SERVICE/response`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Response {
     /// Its head.

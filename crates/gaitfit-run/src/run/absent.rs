@@ -1,4 +1,4 @@
-//! Why there is no run to resume: which runs there are, and what to do.
+//! Error if there is no run to resume: which runs there are, and what to do.
 
 use super::folder::own_name;
 use crate::Error;
@@ -6,9 +6,9 @@ use gaitfit_model::shown;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Most names in a message.
+/// Max number of names in a message.
 const MAX_NAMED: usize = 5;
-/// How alike names are, from 0 to 1, of which one may be a slip of the other.
+/// Likeness of names, from 0 to 1, from which one may be a slip of the other.
 const ALIKE: f64 = 0.85;
 
 /// Says that no run called `name` is in `runs`, and what is there instead.

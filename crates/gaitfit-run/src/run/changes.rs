@@ -3,7 +3,7 @@
 use gaitfit_model::escaped;
 use toml::{Table, Value};
 
-/// Most characters of a value in a message.
+/// Max number of characters of a value in a message.
 const MAX_SHOWN: usize = 120;
 
 /// `settings` without those called `free`, dotted names such as `train.iterations`.

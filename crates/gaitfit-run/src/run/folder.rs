@@ -16,11 +16,11 @@ pub struct RunFolder {
     owned: Owned,
 }
 
-/// Most runs of one name.
+/// Max number of runs of one name.
 const MAX_RUNS: usize = 10_000;
 /// Longest name of a run, bytes.
 const MAX_NAME: usize = 100;
-/// How names of files begin that are not whole yet.
+/// Beginning of the names of files that are not whole yet.
 const WRITING: &str = ".writing-";
 
 impl RunFolder {
@@ -45,7 +45,7 @@ impl RunFolder {
     /// The folder of a new run, or with `resume` the latest of that name.
     ///
     /// # Errors
-    /// With `resume`, that there is none; the names that there are.
+    /// With `resume`: an error that there is none, with the names that there are.
     pub fn begin(runs: &Path, name: &str, resume: bool) -> Result<Self, Error> {
         if !resume {
             return Self::fresh(runs, name);
@@ -209,7 +209,7 @@ pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c m
     builder.permissions(fs::Permissions::from_mode(0o666))
 }
 
-/// As the system does it.
+/// Leaves the permissions to the system.
 #[cfg(not(unix))]
 pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
     builder
@@ -247,7 +247,7 @@ fn latest(runs: &Path, name: &str) -> Result<usize, Error> {
     Ok(highest)
 }
 
-/// Which run called `name` has a folder called `file`: 1 for the name itself.
+/// Returns the number of the run called `name` in a folder called `file`: 1 for the name itself.
 fn number(file: &str, name: &str) -> Option<usize> {
     let rest = file.strip_prefix(name)?;
     if rest.is_empty() {

@@ -1,4 +1,4 @@
-//! What a run's result depends on, as hashes: a checkpoint is continued only where they are the same.
+//! Inputs of a run's result, as hashes: a checkpoint is continued only where they are the same.
 
 use crate::{Error, files};
 use gaitfit_model::Model;
@@ -33,7 +33,7 @@ impl Inputs {
         Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })
     }
 
-    /// What differs from `saved`, in words; `None` when nothing does.
+    /// Returns the first difference from `saved`, in words; `None` when nothing differs.
     pub fn difference(&self, saved: &Self) -> Option<String> {
         let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
         if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {

@@ -8,6 +8,7 @@ use crate::run::{RunFolder, latest_path};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// Name of the file.
 const MANIFEST: &str = "manifest.json";
 
 #[derive(Serialize)]
@@ -47,7 +48,7 @@ pub fn write(
     folder.write_json(MANIFEST, &manifest)
 }
 
-/// What a manifest says of the inputs.
+/// Part of a manifest that has the inputs.
 #[derive(Deserialize)]
 struct Saved {
     inputs: Inputs,

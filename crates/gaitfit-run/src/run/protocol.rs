@@ -16,7 +16,7 @@ use toml::Table;
 
 /// All settings of a run.
 pub const CONFIG: &str = "config.toml";
-/// What came out, written last.
+/// The result, written last.
 pub const RESULT: &str = "result.json";
 
 /// A run in its folder.
@@ -27,13 +27,13 @@ pub struct Protocol<'a, A = Whole> {
     pub settings: Table,
     /// Settings that may differ when the run resumes, by dotted names such as `train.iterations`.
     pub free: &'a [&'a str],
-    /// What the result depends on.
+    /// Files, robot and settings on which the result depends.
     pub inputs: Inputs,
     /// Whether input files must be the same files; otherwise only the robot and the settings they make count.
     pub same_files: bool,
     /// Seeds, for the manifest.
     pub seeds: Vec<u64>,
-    /// What computes, for the manifest, such as `cuda:0,1`: a run may resume on another device.
+    /// Devices, for the manifest, such as `cuda:0,1`: a run may resume on another device.
     pub devices: String,
     /// How much is asked for. If a run has finished with another extent, it continues.
     pub asked: A,
@@ -101,7 +101,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         Ok(manifest::inputs(self.folder)?.and_then(|saved| self.changed(&saved)))
     }
 
-    /// What is not as in `saved`, in words.
+    /// Returns the first difference from `saved`, in words.
     fn changed(&self, saved: &Inputs) -> Option<String> {
         if self.same_files {
             return self.inputs.difference(saved);
@@ -124,7 +124,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         }
     }
 
-    /// Why the folder's run cannot resume: `difference` in words.
+    /// Makes the error of a folder whose run cannot resume: `difference` in words.
     pub fn refusal(&self, difference: &str) -> Error {
         Error::Changed { folder: self.folder.path().to_owned(), difference: difference.to_owned() }
     }
@@ -166,6 +166,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// # Errors
     /// Files that cannot be written.
     pub fn finish<R: Serialize>(&self, begun: &str, results: R) -> Result<R, Error> {
+        // The manifest first: a folder with a result has everything.
         manifest::write(self.folder, &self.seeds, &self.devices, &self.inputs, begun, Some(now()))?;
         let file = ResultFile { inputs: self.inputs.clone(), asked: self.asked.clone(), results };
         self.folder.write_json(RESULT, &file)?;

@@ -7,35 +7,38 @@ use super::plot::Plot;
 use super::scale;
 use super::series::{Corners, Series};
 
-/// Width of the longest bar, height of a bar's line and of a group's title, user units.
+/// Width of the longest bar, user units.
 const BARS: f64 = 420.0;
+/// Height of a bar's line, user units.
 const LINE: f64 = 20.0;
+/// Height of a group's title, user units.
 const TITLE: f64 = 30.0;
-/// Most characters of a name and of a value's text.
+/// Max number of characters of a name.
 const NAME: usize = 56;
+/// Max number of characters of a value's text.
 const TEXT: usize = 40;
 
 /// One bar from zero.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// What stands to its left.
+    /// Text to its left.
     pub name: String,
     /// Its length; NaN: none.
     pub value: f64,
     /// Half-width of the interval drawn over it; NaN: none.
     pub half_width: f64,
-    /// What stands to its right.
+    /// Text to its right.
     pub text: String,
-    /// How it looks.
+    /// Look of the bar.
     pub look: Look,
 }
 
 /// Bars of one unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BarGroup {
-    /// What they show, with the unit.
+    /// Quantity of the bars, with the unit.
     pub title: String,
-    /// From top to bottom.
+    /// Bars from top to bottom.
     pub bars: Vec<Bar>,
 }
 

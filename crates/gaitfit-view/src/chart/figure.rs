@@ -19,7 +19,7 @@ pub struct Frame {
     pub bottom: f64,
 }
 
-/// Which part of a text lies at its position.
+/// Part of a text that lies at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     /// Its beginning.

@@ -8,7 +8,7 @@ use std::fmt::Write;
 /// Ends of the axis, percent of the width; the margin keeps dots and labels whole.
 const ENDS: (f64, f64) = (3.0, 97.0);
 
-/// What one row shows, all in one unit; numbers that are not finite are not drawn.
+/// Numbers of one row, all in one unit; numbers that are not finite are not drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Row {
     /// Search bounds.
@@ -32,13 +32,14 @@ pub(crate) struct Mark {
     pub spread: f64,
     /// Values of single runs, drawn as short strokes.
     pub runs: Vec<f64>,
-    /// How it looks.
+    /// Look of the mark.
     pub look: Look,
 }
 
 /// The axis that holds what matters of the rows: values, spreads, truths and published ranges always; starts, bounds
 /// and profile intervals when they are near enough not to squeeze the values.
 pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
+    // Values that must be on the axis; then those that may be, if they are near.
     let core = rows.iter().flat_map(|r| {
         let marks = r.marks.iter().flat_map(|m| {
             let spread = if m.spread.is_finite() { m.spread } else { 0.0 };

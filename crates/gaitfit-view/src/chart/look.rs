@@ -1,4 +1,4 @@
-//! How marks look: an ink, and whether the line is dashed, thin or faint.
+//! Looks of marks: an ink, and whether the line is dashed, thin or faint.
 
 use std::fmt;
 
@@ -16,13 +16,13 @@ pub struct Look {
 }
 
 impl Look {
-    /// What the robot did.
+    /// Measurements of the robot.
     pub const MEASURED: Look = Look::ink("measured");
-    /// What the fitted simulator does.
+    /// Results of the fitted simulator.
     pub const FITTED: Look = Look::ink("fitted");
-    /// What the simulator did before the fit; dashed.
+    /// Results of the simulator before the fit; dashed.
     pub const NOMINAL: Look = Look::ink("nominal");
-    /// What was asked for.
+    /// Targets and commands.
     pub const TARGET: Look = Look::ink("target");
     /// A mean over the other series.
     pub const MEAN: Look = Look::ink("mean");
@@ -51,17 +51,17 @@ impl Look {
         Look::ink(COLORS[number % COLORS.len()])
     }
 
-    /// The same ink with a dashed line.
+    /// Returns the same ink with a dashed line.
     pub const fn dashed(self) -> Look {
         Look { mode: "dashed", ..self }
     }
 
-    /// The same ink with a thin line.
+    /// Returns the same ink with a thin line.
     pub const fn thin(self) -> Look {
         Look { mode: "thin", ..self }
     }
 
-    /// The same ink, hardly visible and not read out under the pointer.
+    /// Returns the same ink, hardly visible and not read out under the pointer.
     pub const fn faint(self) -> Look {
         Look { mode: "faint", ..self }
     }

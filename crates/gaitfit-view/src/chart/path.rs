@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 /// A coordinate with at most two decimals, without trailing zeros.
 pub(crate) fn coordinate(x: f64) -> String {
+    // A user unit is about a pixel: more decimals would only make pages larger.
     let text = format!("{:.2}", if x.is_finite() { x } else { 0.0 });
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_string() } else { text.to_string() }
@@ -25,6 +26,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
     for bucket in 0..buckets {
         let (from, to) = (bucket * y.len() / buckets, (bucket + 1) * y.len() / buckets);
         let finite = || (from..to).filter(|i| y[*i].is_finite());
+        // Lowest and highest of each stretch, as a line of pixels covers no more.
         let low = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
         let high = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
         match (low, high) {

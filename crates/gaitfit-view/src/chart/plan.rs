@@ -14,7 +14,7 @@ const POINTS: usize = 400;
 pub(crate) struct Track<'a> {
     /// x (forward) and y (left), m.
     pub points: &'a [[f64; 2]],
-    /// How the line looks.
+    /// Look of the line.
     pub look: Look,
     /// Radius of the mark, user units.
     pub radius: f64,

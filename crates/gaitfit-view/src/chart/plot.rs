@@ -12,7 +12,7 @@ pub struct Plot<'a> {
     pub x: Axis<'a>,
     /// The axis upwards.
     pub y: Axis<'a>,
-    /// What is drawn.
+    /// Series, drawn in this order.
     pub series: Vec<Series<'a>>,
     /// About how many points a line has at most; more than the pixels of its width do not show.
     pub points: usize,

@@ -1,4 +1,4 @@
-//! From data to positions on the page, and round tick values.
+//! Scales from data to positions on the page, and round tick values.
 
 use crate::format;
 
@@ -84,7 +84,10 @@ impl Scale {
     fn linear_ticks(&self, wanted: usize) -> Vec<Tick> {
         let raw = (self.high - self.low) / wanted.max(1) as f64;
         let power = 10_f64.powf(raw.log10().floor());
+        // Multiples of 1, 2 and 5 of a power of ten are what people read easily; 0.5 is one step finer for the case
+        // below.
         let steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+        // 1e-9: an end of the axis that is a tick but for rounding has its tick.
         let count = |step: f64| (self.high / step + 1e-9).floor() - (self.low / step - 1e-9).ceil() + 1.0;
         let fitting = steps.iter().position(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(4).max(1);
         // One tick tells no scale: a step too many is better.

@@ -1,4 +1,4 @@
-//! What stands between axes, and how each kind becomes a path.
+//! Series between axes: each kind becomes a path.
 
 use super::axes::Axes;
 use super::look::Look;
@@ -15,9 +15,9 @@ pub type Corners = [(f64, f64); 2];
 pub enum Series<'a> {
     /// A line through points. A name is read out under the pointer on a page; empty: it is not.
     Line {
-        /// What the line is.
+        /// Name of the line.
         name: &'a str,
-        /// How it looks.
+        /// Look of the line.
         look: Look,
         /// Along the axis, ascending.
         x: &'a [f64],
@@ -26,9 +26,9 @@ pub enum Series<'a> {
     },
     /// Values that are held until the next one.
     Step {
-        /// What the line is.
+        /// Name of the line.
         name: &'a str,
-        /// How it looks.
+        /// Look of the line.
         look: Look,
         /// Where each value begins, ascending.
         x: &'a [f64],
@@ -37,7 +37,7 @@ pub enum Series<'a> {
     },
     /// A disc a point.
     Points {
-        /// How the discs look.
+        /// Look of the discs.
         look: Look,
         /// Along the axis.
         x: &'a [f64],
@@ -50,7 +50,7 @@ pub enum Series<'a> {
     },
     /// Vertical bars without gaps: a histogram.
     Stairs {
-        /// How they look.
+        /// Look of the bars.
         look: Look,
         /// Ends of the bars, ascending; one more than heights.
         edges: &'a [f64],
@@ -59,9 +59,9 @@ pub enum Series<'a> {
         /// Filled, or the outline alone.
         filled: bool,
     },
-    /// What lies between two curves.
+    /// The area between two curves.
     Band {
-        /// How it looks.
+        /// Look of the area.
         look: Look,
         /// Along the axis, ascending.
         x: &'a [f64],
@@ -72,14 +72,14 @@ pub enum Series<'a> {
     },
     /// Rectangles, e.g. bars or marked stretches.
     Boxes {
-        /// How they look.
+        /// Look of the rectangles.
         look: Look,
         /// Ends of each.
         corners: &'a [Corners],
     },
     /// A straight line across the axes.
     Rule {
-        /// How it looks.
+        /// Look of the line.
         look: Look,
         /// Where it crosses.
         at: f64,

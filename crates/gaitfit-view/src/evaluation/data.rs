@@ -1,4 +1,4 @@
-//! What the report of an evaluation shows, filled in by whoever ran it.
+//! Content of the report of an evaluation, filled in by whoever ran it.
 
 use crate::gait::GaitPicture;
 use crate::replay::Replay;
@@ -11,11 +11,11 @@ pub struct EvaluationReport {
     pub title: String,
     /// Robot and simulator, e.g. `go2, nominal` or `go2, fitted (theta.toml)`.
     pub robot: String,
-    /// When the evaluation ended, as it is to be printed.
+    /// Time at which the evaluation ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time, s.
     pub wall_seconds: f64,
-    /// Why the result must not be taken as it stands.
+    /// Doubts about the result.
     pub doubts: Vec<Doubt>,
     /// The result in a sentence; empty: the numbers alone, or a doubt, say it.
     pub verdict: String,
@@ -23,7 +23,7 @@ pub struct EvaluationReport {
     pub trajectories: u64,
     /// Length of each, s.
     pub seconds: f64,
-    /// What was measured on them.
+    /// Measures of the trajectories.
     pub measures: Vec<Measure>,
     /// Constant-command trials, one a command.
     pub drift: Vec<Drift>,
@@ -34,11 +34,11 @@ pub struct EvaluationReport {
     pub replay: Option<Replay>,
     /// The gait under one command.
     pub gait: Option<GaitPicture>,
-    /// Which command the gait is of; may be empty.
+    /// Command of the gait, for its caption; may be empty.
     pub gait_caption: String,
     /// Files beside the report to look at.
     pub links: Vec<Link>,
-    /// What the reader must know before trusting the numbers.
+    /// Warnings that the reader must know before trusting the numbers.
     pub warnings: Vec<String>,
     /// Resolved settings, in the order to print them.
     pub settings: Vec<Setting>,
@@ -49,7 +49,7 @@ pub struct EvaluationReport {
 /// A mean over trajectories.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measure {
-    /// What it is, as it is to be printed.
+    /// Name, as it is to be printed.
     pub name: String,
     /// Its unit; empty when it has none.
     pub unit: String,
@@ -63,7 +63,7 @@ pub struct Measure {
     pub headline: bool,
     /// The most it may be.
     pub limit: Option<f64>,
-    /// How it is distributed over trajectories; none for rates.
+    /// Distribution over trajectories; empty for rates.
     pub histogram: Option<Histogram>,
 }
 
@@ -83,7 +83,7 @@ pub struct Ground {
     pub name: String,
     /// Level.
     pub level: u32,
-    /// What makes it as hard as it is, as it is to be printed.
+    /// Measure of the level, such as a height or a slope, as it is to be printed.
     pub difficulty: String,
     /// Robots.
     pub robots: u32,

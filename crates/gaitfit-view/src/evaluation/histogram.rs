@@ -53,6 +53,7 @@ impl Histogram {
         sorted.sort_by(f64::total_cmp);
         let Some(low) = sorted.first().copied() else { return Histogram::default() };
         let bins = bins.clamp(1, 1000);
+        // The last bin below takes what lies beyond.
         let high = sorted[(sorted.len() - 1) * 199 / 200];
         let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
         let width = (high - low) / bins as f64;

@@ -1,4 +1,4 @@
-//! Which commands the log has seen, of those the policy is to follow.
+//! Picture of the commands of a log within the range that the policy is to follow.
 
 use super::LogSummary;
 use crate::chart::{Axis, Corners, Figure, Frame, Look, Plot, Series};

@@ -9,7 +9,7 @@ pub(super) struct Quantiles<'a> {
     pub values: &'a [f64],
 }
 
-/// Points of a curve at most.
+/// Points of a curve at most: one a percent.
 const POINTS: usize = 101;
 /// Share of samples at either end that may lie beyond the axis.
 const TAIL: f64 = 0.005;

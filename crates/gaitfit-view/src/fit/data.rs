@@ -1,4 +1,4 @@
-//! What a page of a fit shows: plain numbers and names, filled in by whoever ran the fit.
+//! Content of a page of a fit: plain numbers and names, filled in by whoever ran the fit.
 
 use super::log::LogSummary;
 use super::signals::{JointTrace, SignalDistribution};
@@ -13,7 +13,7 @@ pub struct FitReport {
     pub title: String,
     /// Robot name and the model file it was read from.
     pub robot: String,
-    /// When the fit ended, as it is to be printed (ISO 8601 by preference).
+    /// Time at which the fit ended, as it is to be printed (ISO 8601 by preference).
     pub created: String,
     /// Wall-clock time of the fit, s; zero or NaN when unknown.
     pub wall_seconds: f64,
@@ -24,7 +24,7 @@ pub struct FitReport {
     pub converged: Option<bool>,
     /// Names of the logs the fit used.
     pub fit_logs: Vec<String>,
-    /// What the logs hold, of walking logs.
+    /// Content of walking logs.
     pub log: Option<LogSummary>,
     /// One a cost; the first is the result.
     pub fits: Vec<Fit>,
@@ -36,15 +36,15 @@ pub struct FitReport {
     pub baselines: Vec<Score>,
     /// Logs that the fit did not see.
     pub validation: Vec<Validation>,
-    /// The same of walking logs, by distributions.
+    /// Errors on walking logs, by distributions.
     pub held_out: Option<HeldOut>,
     /// Other fits of the same parameters beside the first one.
     pub comparisons: Vec<Comparison>,
     /// Measured and simulated positions over time, one a joint.
     pub traces: Vec<JointTrace>,
-    /// How the joints' signals are distributed, one a joint and signal.
+    /// Distributions of the joints' signals, one a joint and signal.
     pub distributions: Vec<SignalDistribution>,
-    /// What the reader must know before trusting the numbers.
+    /// Warnings that the reader must know before trusting the numbers.
     pub warnings: Vec<String>,
     /// Resolved settings, in the order to print them.
     pub settings: Vec<Setting>,
@@ -52,7 +52,7 @@ pub struct FitReport {
     pub versions: Vec<Setting>,
 }
 
-/// What one cost found.
+/// Result of a fit with one cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     /// Name of the cost, e.g. `Wass`.
@@ -67,16 +67,16 @@ pub struct Fit {
     pub parameters: Vec<Parameter>,
 }
 
-/// How well one predictor reproduces the logs.
+/// Errors of one predictor on the logs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
-    /// What predicted, e.g. `best pure delay (70 ms)`.
+    /// Name of the predictor, e.g. `best pure delay (70 ms)`.
     pub name: String,
     /// Cost on the fit logs; unknown: that of the first of [`FitReport::fits`].
     pub cost: f64,
     /// Free-running position RMSE over all joints of the fit logs, rad.
     pub rmse_fit_rad: f64,
-    /// The same on the validation logs, rad; the headline uses it when the fitted and nominal scores have it.
+    /// Error on the validation logs, rad; the headline uses it when the fitted and nominal scores have it.
     pub rmse_validation_rad: f64,
 }
 
@@ -111,7 +111,7 @@ pub struct Parameter {
     pub truth: Option<f64>,
 }
 
-/// Which end of the search interval.
+/// End of a search interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
     /// The lower bound.
@@ -134,7 +134,7 @@ pub struct PublishedRange {
 /// One optimiser run; all lists are one a generation and may be empty when not recorded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptimizerRun {
-    /// How the run is called, e.g. `seed 3`.
+    /// Name of the run, e.g. `seed 3`.
     pub label: String,
     /// Best cost of the whole run.
     pub best_cost: f64,
@@ -172,7 +172,7 @@ pub struct Comparison {
     pub second: String,
     /// One a parameter.
     pub entries: Vec<ComparisonEntry>,
-    /// Why entries disagree, a sentence or paragraph each.
+    /// Reasons why entries disagree, a sentence or paragraph each.
     pub reasons: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! What was recorded, and how a page says it.
+//! Facts about the recording, and how a page says them.
 
 use super::commands;
 use crate::format::{clean, clean_prose, duration, grouped};
@@ -7,7 +7,7 @@ use serde::Serialize;
 /// Parts of the command space listed at most.
 const MAX_UNCOVERED: usize = 20;
 
-/// What was recorded and what of it was used.
+/// Facts about the recording, and the part of it that was used.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogSummary {
     /// Where it is from, e.g. a file name.

@@ -50,7 +50,7 @@ struct ParameterRow {
     name: String,
     unit: String,
     value: String,
-    /// What stands after ±: the interval's longer side.
+    /// Number after ±: the interval's longer side.
     half: String,
     profile: String,
     truth: String,
@@ -116,7 +116,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
 pub(crate) struct Entry {
     pub unit: String,
     pub name: String,
-    /// What stands beside the picture.
+    /// Text beside the picture.
     pub text: String,
     /// The true value, where it is known.
     pub truth: String,

@@ -1,4 +1,4 @@
-//! How the optimiser got there, run by run.
+//! Progress of the optimiser, run by run.
 
 use super::OptimizerRun;
 use crate::chart::{Axis, Look, Plot, Series};

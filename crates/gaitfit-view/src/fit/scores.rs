@@ -14,9 +14,9 @@ pub(super) struct Scores {
     before: String,
     after: String,
     unit: &'static str,
-    /// What the two numbers are.
+    /// Meaning of the two numbers.
     meaning: String,
-    /// What stands above the numbers: that the search converged, where it is known to have.
+    /// Text above the numbers: that the search converged, where it is known to have.
     state: String,
     /// Sentences that set the result against nominal, the best baseline, its bounds, and the robot itself.
     verdicts: Vec<Verdict>,
@@ -50,7 +50,7 @@ struct ScoreRow {
     cost: String,
 }
 
-/// What the headline compares: the strictest that the fitted and the nominal simulator both have.
+/// Number that the headline compares: the strictest that the fitted and the nominal simulator both have.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Yardstick {
     ValidationRmse,
@@ -89,7 +89,7 @@ impl Yardstick {
         }
     }
 
-    /// What is smaller or larger, in a sentence about the nominal simulator or a baseline.
+    /// Returns the noun for it in a sentence about the nominal simulator or a baseline.
     fn noun(self) -> &'static str {
         if self == Yardstick::Cost { "cost" } else { "error" }
     }
@@ -111,7 +111,7 @@ fn cost(report: &FitReport, who: Who) -> f64 {
     if scored.is_finite() { scored } else { fallback.unwrap_or(f64::NAN) }
 }
 
-/// What says that the nominal simulator is closer to the logs than the fitted one; `None` if it is not.
+/// Returns a sentence if the nominal simulator is closer to the logs than the fitted one; else `None`.
 pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
     let measured = [
         (Yardstick::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
@@ -180,13 +180,14 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     }
 }
 
-/// What the fit is worth on logs that it did not see, or else on its own.
+/// Returns the gain of the fit on logs that it did not see, or else on its own.
 fn gain(report: &FitReport, yardstick: Yardstick, ratio: f64) -> String {
     if let Some(gain) = report.held_out.as_ref().and_then(held_out::gain) {
         return held_out::gain_text(gain, "walks");
     }
     let digits = if ratio < 10.0 { 1 } else { 0 };
     match yardstick {
+        // Less than a tenth is not worth a sentence. Beyond 1e9 the fitted error is 0 but for rounding.
         _ if !(1.1..1e9).contains(&ratio) => String::new(),
         Yardstick::ValidationRmse => held_out::gain_text(ratio, "motions"),
         Yardstick::FitRmse => {
@@ -222,7 +223,7 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     rows
 }
 
-/// That the search converged is no praise of a result that is in doubt.
+/// Says that the search converged, but not beside a doubt, where it would sound like praise.
 fn state(report: &FitReport) -> String {
     let doubted = report.doubts.iter().any(|doubt| doubt.kind.is_severe());
     if report.converged == Some(true) && !doubted { "The search converged".into() } else { String::new() }
@@ -250,7 +251,7 @@ fn descending(a: f64, b: f64) -> std::cmp::Ordering {
     key(b).total_cmp(&key(a))
 }
 
-/// How `ours` compares with `theirs`, said without a sign to misread.
+/// Compares `ours` with `theirs` in words, without a sign to misread.
 fn verdict(ours: f64, theirs: f64, what: &str) -> Option<Verdict> {
     if !(ours.is_finite() && theirs.is_finite() && theirs > 0.0) {
         return None;

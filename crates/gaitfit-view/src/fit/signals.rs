@@ -22,14 +22,14 @@ pub struct JointTrace {
     pub slides: bool,
 }
 
-/// How one joint's signal is distributed, as quantiles at equal steps of probability (0, 1/n, …, 1).
+/// Distribution of one joint's signal, as quantiles at equal steps of probability (0, 1/n, …, 1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalDistribution {
     /// Joint name.
     pub joint: String,
     /// Whether the joint slides: its positions are in m.
     pub slides: bool,
-    /// What is distributed.
+    /// The signal.
     pub signal: Signal,
     /// Quantiles of the robot's log, in the signal's unit, ascending.
     pub log: Vec<f64>,
@@ -97,7 +97,7 @@ impl Signal {
         }
     }
 
-    /// The same of slides.
+    /// Returns the unit of its samples of slides; empty when it has none.
     pub fn unit_of_slides(self) -> &'static str {
         match self {
             Signal::Position => "m",

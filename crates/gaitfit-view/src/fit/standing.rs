@@ -1,4 +1,4 @@
-//! How well founded the first fit's values are, in sentences: bounds, identification, and logs that were not fitted.
+//! Grounds of the first fit's values, in sentences: bounds, identification, and logs that were not fitted.
 
 use super::scores::Verdict;
 use super::{Bound, FitReport, Parameter};

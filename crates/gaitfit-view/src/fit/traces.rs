@@ -4,7 +4,7 @@ use super::JointTrace;
 use crate::chart::{Axis, Figure, Frame, Look, Plot, Series, extent};
 use std::ops::Range;
 
-/// How large a joint is drawn.
+/// Size of a joint's drawing.
 pub(crate) struct Size {
     pub width: f64,
     pub height: f64,
@@ -31,6 +31,7 @@ pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
     };
     let first_time = trace.time_s.first().copied().unwrap_or(0.0);
     let last_time = trace.time_s.last().copied().unwrap_or(0.0);
+    // The worst sample in the middle, but for the ends of the log.
     let begin = (trace.time_s[worst] - seconds / 2.0).min(last_time - seconds).max(first_time);
     let from = trace.time_s.partition_point(|t| *t < begin);
     let to = trace.time_s.partition_point(|t| *t <= begin + seconds);

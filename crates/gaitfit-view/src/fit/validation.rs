@@ -5,8 +5,9 @@ use crate::chart::extent;
 use crate::format::{clean, significant};
 use serde::Serialize;
 
-/// Logs and joints shown at most.
+/// Max number of logs that are shown.
 const MAX_FILES: usize = 30;
+/// Max number of joints that are shown.
 const MAX_JOINTS: usize = 100;
 /// Shades of the table.
 const SHADES: f64 = 9.0;

@@ -1,4 +1,4 @@
-//! What a picture of a gait shows, in plain vectors.
+//! Content of a picture of a gait, in plain vectors.
 
 /// A few seconds of walking. Every list over time has one entry a sample of `time_s`; missing numbers are NaN, and
 /// an empty list leaves its part out.
@@ -28,9 +28,9 @@ pub struct FootTrack {
 /// One component of the base's velocity over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VelocityTrack {
-    /// What was asked for.
+    /// Commanded velocity.
     pub command: Vec<f64>,
-    /// What the base did.
+    /// Velocity of the base.
     pub measured: Vec<f64>,
 }
 

@@ -4,15 +4,20 @@ use super::{FootTrack, GaitPicture, TorqueSpectrum};
 use crate::chart::{Anchor, Axis, Corners, Figure, Frame, Look, Plot, Series, extent};
 use crate::format::fixed;
 
-/// Points a line at most, feet and joint groups at most.
+/// Max number of points of a line.
 const POINTS: usize = 700;
+/// Max number of feet.
 const FEET: usize = 12;
+/// Max number of joint groups: as many as there are colours.
 const GROUPS: usize = 8;
 
+/// Width of the figure, user units.
 const WIDTH: f64 = 960.0;
+/// Left end of the axes; numbers and names of feet stand beside it.
 const LEFT: f64 = 56.0;
 /// Room at the right for duty factors.
 const RIGHT: f64 = 880.0;
+/// Height of a foot's row of contacts.
 const ROW: f64 = 17.0;
 /// Where legends begin, beside the titles.
 const LEGEND: f64 = 220.0;
@@ -53,6 +58,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     };
     let tracks: Vec<Corners> =
         (0..feet.len()).map(|row| [(f64::NEG_INFINITY, f64::INFINITY), height(row)]).collect();
+    // The time of about a pixel: nobody sees a shorter gap.
     let shortest = (times.1 - times.0) / f64::from(RIGHT as u32);
     let stretches: Vec<Vec<Corners>> = feet
         .iter()

@@ -1,4 +1,4 @@
-//! What the report of a whole loop shows: collect, adapt, fine-tune, evaluate, once or more often.
+//! Content of the report of a whole loop: collect, adapt, fine-tune, evaluate, once or more often.
 //!
 //! Policies and simulators are matched by name.
 
@@ -14,11 +14,11 @@ pub struct LoopReport {
     pub title: String,
     /// Robot whose log was fitted, e.g. `go2 in MuJoCo, worn`.
     pub robot: String,
-    /// When the loop ended, as it is to be printed.
+    /// Time at which the loop ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time of the whole loop, s.
     pub wall_seconds: f64,
-    /// Why the result must not be taken as it stands.
+    /// Doubts about the result.
     pub doubts: Vec<Doubt>,
     /// Name of the policy the loop began with, e.g. `π₀`; empty: the first of [`LoopReport::tracking`].
     pub before: String,
@@ -32,11 +32,11 @@ pub struct LoopReport {
     pub target: String,
     /// One a repetition, in order.
     pub rounds: Vec<Round>,
-    /// How well each policy follows random commands, on one or more simulators.
+    /// Errors of each policy under random commands, on one or more simulators.
     pub tracking: Vec<Tracking>,
-    /// How policies differ from others, trajectory by trajectory.
+    /// Differences between policies, trajectory by trajectory.
     pub differences: Vec<Difference>,
-    /// What the fit bought over training without it, in a sentence or two; empty: unknown.
+    /// Gain of the fit over training without it, in a sentence or two; empty: unknown.
     pub bought: String,
     /// Constant-command trials of each policy, on one or more simulators.
     pub drift: Vec<DriftTrials>,
@@ -59,7 +59,7 @@ pub struct LoopReport {
 /// One repetition: a log, the simulators fitted to it, and the training in the fitted simulator.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Round {
-    /// What it is called, e.g. `Round 1: π₀ → π₁`; empty: its number.
+    /// Name, e.g. `Round 1: π₀ → π₁`; empty: its number.
     pub name: String,
     /// Wall-clock time, s; zero or NaN when unknown.
     pub wall_seconds: f64,
@@ -67,7 +67,7 @@ pub struct Round {
     pub log: Option<LogSummary>,
     /// Fits to the log, one a cost or scenario; the first is the one fine-tuning used.
     pub fits: Vec<Fit>,
-    /// How the joints' signals are distributed, one a joint and signal.
+    /// Distributions of the joints' signals, one a joint and signal.
     pub distributions: Vec<SignalDistribution>,
     /// Logs that were not fitted; absent if there were none.
     pub held_out: Option<HeldOut>,
@@ -95,11 +95,11 @@ pub struct JointDistance {
     pub joint: String,
     /// The signal.
     pub signal: Signal,
-    /// Of the simulator before the fit.
+    /// Distance from the simulator before the fit.
     pub nominal: f64,
-    /// Of the fitted simulator.
+    /// Distance from the fitted simulator.
     pub fitted: f64,
-    /// Of the robot to itself.
+    /// Distance of the robot's walks from each other.
     pub floor: f64,
 }
 
@@ -110,7 +110,7 @@ impl Default for JointDistance {
     }
 }
 
-/// How well one policy follows random commands on one simulator.
+/// Errors of one policy under random commands on one simulator.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tracking {
     /// The policy's name.

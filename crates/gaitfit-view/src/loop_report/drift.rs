@@ -12,7 +12,7 @@ use serde::Serialize;
 /// Policies side by side at most.
 const MAX_POLICIES: usize = 6;
 
-/// What happened on one simulator.
+/// Drift on one simulator.
 #[derive(Serialize)]
 pub(super) struct DriftSection {
     simulator: String,
@@ -87,6 +87,7 @@ pub(super) fn summary(set: &DriftTrials) -> (f64, f64) {
     let known = || set.trials.iter().map(|t| t.error).filter(|e| e.iter().all(|x| x.is_finite()));
     let count = known().count() as f64;
     let distance = known().map(|e| e[0].hypot(e[1])).sum::<f64>() / count;
+    // Absolute values: turns to the left and to the right must not cancel.
     let yaw = known().map(|e| e[2].abs()).sum::<f64>() / count;
     (distance, yaw)
 }

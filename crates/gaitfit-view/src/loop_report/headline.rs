@@ -8,7 +8,7 @@ use crate::format::{clean_prose, significant};
 use crate::page::is_severe;
 use serde::Serialize;
 
-/// What stands in large print.
+/// Numbers and sentences in large print.
 #[derive(Serialize)]
 pub(super) struct Headline {
     before: String,

@@ -10,7 +10,7 @@ const MAX_JOINTS: usize = 100;
 const SIGNALS: [(Signal, &str); 3] =
     [(Signal::Position, "Position"), (Signal::Velocity, "Velocity"), (Signal::Action, "Action")];
 
-/// What a page shows of held-out logs.
+/// View of held-out logs on a page.
 #[derive(Serialize)]
 pub(crate) struct HeldOutView {
     sentence: String,

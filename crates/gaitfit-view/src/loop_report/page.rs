@@ -37,7 +37,7 @@ pub(super) struct Page {
     versions: Vec<Setting>,
 }
 
-/// Which sections that speak of rounds have anything to say.
+/// Sections about rounds that have any content.
 #[derive(Serialize)]
 struct Has {
     parameters: bool,
@@ -87,7 +87,7 @@ impl Page {
     }
 }
 
-/// What the last round's fit is worth on walks that it did not see; empty beside a doubt.
+/// Returns the gain of the last round's fit on walks that it did not see; empty beside a doubt.
 fn predicts(report: &LoopReport) -> String {
     let held = report.rounds.last().and_then(|round| round.held_out.as_ref());
     let gain = held.and_then(held_out::gain).filter(|_| !page::is_severe(&report.doubts));

@@ -1,4 +1,4 @@
-//! Which policies and simulators a report speaks of, in which order and colour.
+//! Policies and simulators of a report, with their order and colours.
 
 use super::LoopReport;
 use crate::format::clean;
@@ -48,6 +48,7 @@ impl<'a> Cast<'a> {
             return 1;
         }
         let others = self.policies.iter().filter(|p| **p != self.before && **p != self.after);
+        // Eight colours, of which two are taken.
         2 + others.take_while(|p| **p != policy).count() % 6
     }
 }

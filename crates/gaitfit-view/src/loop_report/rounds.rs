@@ -10,8 +10,9 @@ use crate::format::{UNKNOWN, clean, duration, grouped, significant};
 use crate::training::curves::{self, Card, LegendEntry, MAX_SEEDS};
 use serde::Serialize;
 
-/// Rounds shown in full at most, the last ones; and in the table.
+/// Max number of rounds that are shown in full: the last ones.
 const MAX_ROUNDS: usize = 6;
+/// Max number of rounds in the table.
 const MAX_LINES: usize = 100;
 
 /// A line of the table of rounds.
@@ -40,7 +41,7 @@ pub(super) struct RoundSection {
     legend: Vec<LegendEntry>,
 }
 
-/// What the round is called.
+/// Returns the name of the round.
 fn title(round: &Round, index: usize) -> String {
     if round.name.is_empty() { format!("Round {}", index + 1) } else { clean(&round.name) }
 }

@@ -55,7 +55,7 @@ struct TableRow {
     cells: Vec<String>,
 }
 
-/// What is measured of a policy.
+/// A measure of a policy.
 pub(super) struct Column {
     pub name: &'static str,
     pub unit: &'static str,

@@ -27,6 +27,7 @@ pub(crate) fn links(list: &[Link]) -> Vec<ShownLink> {
 /// The path as a URL reference if all its parts are plain names. A fragment (`#t=2`) may follow.
 fn beside(path: &str) -> Option<String> {
     let (file, fragment) = path.split_once('#').map_or((path, None), |(f, t)| (f, Some(t)));
+    // Paths come from results that others made: a link must not lead out of the folder of the page.
     let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
     let is_beside = path.len() < 1000 && file.split('/').all(plain) && !file.contains(['\\', ':']);
     let encoded = |text: &str, kept: &[u8]| {

@@ -1,4 +1,4 @@
-//! What all report pages share: head, style sheet, read-out script, and the rules of escaping.
+//! Parts that all report pages share: head, style sheet, read-out script, and the rules of escaping.
 
 mod doubts;
 mod links;
@@ -56,7 +56,7 @@ pub(crate) fn settings(list: &[Setting]) -> Vec<Setting> {
     list.iter().take(MAX_LINES).map(cleaned).collect()
 }
 
-/// What the head of a page says in short: the time of the whole run, s, then the caller's facts.
+/// Makes the facts at the head of a page: the time of the whole run, s, then the caller's facts.
 pub(crate) fn facts(wall_seconds: f64, list: &[Setting]) -> Vec<Setting> {
     let time = Setting { name: "Wall time".into(), value: duration(wall_seconds) };
     [time].into_iter().chain(settings(list)).collect()

@@ -8,8 +8,9 @@ const ROBOTS: usize = 8;
 const PARTS: usize = 1000;
 /// Frames of a robot at most: twenty minutes at 50 Hz.
 const FRAMES: usize = 60_000;
-/// Meshes and triangles of a robot at most.
+/// Max number of meshes of a robot.
 const MESHES: usize = 256;
+/// Max number of triangles of a robot.
 const TRIANGLES: usize = 20_000;
 /// Heights of the ground at most.
 const HEIGHTS: usize = 250_000;
@@ -48,6 +49,7 @@ fn tree(robot: &ReplayRobot) -> Result<(), String> {
     for (i, body) in robot.bodies.iter().enumerate() {
         let joined = match body.parent {
             None => i == 0,
+            // The page places bodies in one pass: a parent must have its place already.
             Some(parent) => i > 0 && parent < i,
         };
         if !joined {
@@ -76,6 +78,7 @@ fn meshes(robot: &ReplayRobot) -> Result<(), String> {
         let corners = mesh.vertices.len();
         let finite = mesh.vertices.iter().flatten().all(|x| x.is_finite());
         let theirs = mesh.triangles.iter().flatten().all(|&corner| usize::from(corner) < corners);
+        // Triangles name their corners by 16 bits.
         if !finite || !theirs || corners > 1 + usize::from(u16::MAX) {
             return Err(format!("mesh {i} has a corner that cannot be drawn, or that is not there"));
         }

@@ -1,4 +1,4 @@
-//! What a replay shows: robots as trees of bodies with simple shapes or meshes, and their motion, one frame a control step.
+//! Content of a replay: robots as trees of bodies with simple shapes or meshes, and their motion by control steps.
 //!
 //! Lengths are in m, angles in rad, times in s; z is up. Quaternions are wxyz and need not be of unit length. The
 //! page holds only base poses and joint angles: it computes the poses of bodies itself.
@@ -25,7 +25,7 @@ pub struct ReplayRobot {
     pub name: String,
     /// Bodies, parents before children; the first is the base and has no parent.
     pub bodies: Vec<Body>,
-    /// What is drawn.
+    /// Shapes that are drawn.
     pub geoms: Vec<Geom>,
     /// Meshes that geoms look like; robots of one page may have the same.
     pub meshes: Vec<Mesh>,
@@ -85,7 +85,7 @@ pub struct Joint {
 pub struct Geom {
     /// Index of the body that carries it.
     pub body: usize,
-    /// What it looks like.
+    /// Shape and size.
     pub shape: Shape,
     /// Its centre in the body's frame, m.
     pub position: [f64; 3],

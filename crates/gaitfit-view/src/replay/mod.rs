@@ -16,13 +16,13 @@ pub use player::replay_html;
 
 use crate::ReportError;
 
-/// Why no replay came out.
+/// The reason why no replay came out.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
     /// The time between frames is not a time.
     #[error("a replay needs a time between frames above zero, not {dt} s")]
     TimeStep {
-        /// What was given, s.
+        /// The time step that was given, s.
         dt: f64,
     },
     /// No robots, or too many.
@@ -38,7 +38,7 @@ pub enum ReplayError {
     Robot {
         /// Its name.
         robot: String,
-        /// What does not fit.
+        /// The problem, in words.
         what: String,
     },
     /// The motion could not be written as JSON: a defect of this crate, not of the data.

@@ -5,7 +5,7 @@ use crate::format::clean;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
 
-/// Largest code; a channel's range is spread over −32767 … 32767.
+/// Largest code; a channel's range is spread over −32767 … 32767, steps finer than a pixel shows.
 const LARGEST: f64 = i16::MAX as f64;
 
 /// How much larger the mesh of a foot is drawn. Otherwise the leg's mesh, which often has the same surface, hides its colour in
@@ -93,7 +93,7 @@ struct PackedGeom {
     quaternion: [f64; 4],
     /// −1 if it is no foot.
     foot: i64,
-    /// Of a mesh, which of the page's.
+    /// Number of a mesh among the page's.
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<usize>,
 }
@@ -127,6 +127,7 @@ fn robot(robot: &ReplayRobot, meshes: &[usize]) -> PackedRobot {
         }),
     });
     let joints = robot.frames.first().map_or(0, |f| f.joints.len());
+    // Beside joints a frame has position (3), quaternion (4), command (3) and velocity (3), each of two bytes.
     let mut codes = Vec::with_capacity(robot.frames.len() * (joints + 13) * 2);
     let (mut offset, mut scale) = (Vec::new(), Vec::new());
     for mut channel in channels(&robot.frames, joints) {
@@ -155,6 +156,7 @@ fn robot(robot: &ReplayRobot, meshes: &[usize]) -> PackedRobot {
 /// Puts the codes of finite numbers behind `codes`; returns the offset and the scale with which they come back.
 fn coded(values: &[f64], codes: &mut Vec<u8>) -> (f64, f64) {
     let (low, high) = crate::chart::extent(values.iter().copied()).unwrap_or((0.0, 0.0));
+    // Half the range stays finite, and so do the codes.
     let (low, high) = (low.max(-1e30), high.min(1e30));
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let scale = if half > 0.0 { half / LARGEST } else { 1.0 };
@@ -221,6 +223,7 @@ fn channels(frames: &[Frame], joints: usize) -> Vec<Vec<f64>> {
         let q = &frame.base_quaternion;
         let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
         if norm.is_finite() && norm > 0.0 {
+            // q and −q are the same orientation.
             let along: f64 = q.iter().zip(&last).map(|(a, b)| a * b).sum();
             let sign = if along < 0.0 { -1.0 } else { 1.0 };
             last = q.map(|x| sign * x / norm);

@@ -55,8 +55,9 @@ fn pane(robot: &ReplayRobot) -> Pane {
     Pane { name: clean(&robot.name), moves: robot.frames.iter().any(moves) }
 }
 
-/// Robots and frames of a replay within a report at most: two minutes at 50 Hz.
+/// Max number of robots of a replay within a report.
 const MAX_ROBOTS: usize = 4;
+/// Max number of frames of a replay within a report: two minutes at 50 Hz.
 const MAX_FRAMES: usize = 6000;
 
 /// A replay within a report, as the template sees it.

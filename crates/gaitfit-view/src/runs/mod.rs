@@ -9,19 +9,23 @@ use crate::page::{self, ShownLink};
 use crate::{Link, ReportError};
 use serde::Serialize;
 
-/// Runs listed, fits compared, parameters and trainings drawn at most: as many colours as there are, and no page without end.
+/// Max number of runs in the list, so that the page has an end.
 const MAX_RUNS: usize = 500;
+/// Max number of fits that are compared: as many as there are colours.
 const MAX_FITS: usize = 8;
+/// Max number of parameters that are drawn.
 const MAX_PARAMETERS: usize = 200;
+/// Max number of trainings that are drawn: as many as there are colours.
 const MAX_TRAININGS: usize = 8;
+/// Max number of charts of learning curves.
 const MAX_CHARTS: usize = 12;
 
-/// What the page shows. Names are untrusted.
+/// Content of the page. Names are untrusted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunsReport {
     /// Heading, e.g. the folder of the runs.
     pub title: String,
-    /// When the page was made, as it is to be printed.
+    /// Time at which the page was made, as it is to be printed.
     pub created: String,
     /// The runs, in the order to list them.
     pub runs: Vec<Run>,
@@ -38,9 +42,9 @@ pub struct Run {
     pub name: String,
     /// Its page, relative to this one; empty: none.
     pub report: String,
-    /// What computed it, e.g. `fit`.
+    /// Command that computed it, e.g. `fit`.
     pub command: String,
-    /// When it began.
+    /// Time at which it began.
     pub begun: String,
     /// How long it took, s; NaN when unknown.
     pub wall_seconds: f64,
@@ -88,7 +92,7 @@ pub struct Training {
 /// A quantity over the iterations of a training.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
-    /// What it is; trainings share a chart where the names agree.
+    /// Name; trainings share a chart where the names agree.
     pub name: String,
     /// Its unit; may be empty.
     pub unit: String,

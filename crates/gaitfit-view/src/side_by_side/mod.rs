@@ -15,7 +15,7 @@ const POINT_BUDGET: usize = 110_000;
 /// Curves of a joint: four positions and two residuals.
 const CURVES: usize = 6;
 
-/// What the page shows. Names are untrusted.
+/// Content of the page. Names are untrusted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SideBySide {
     /// Heading, e.g. the log's file name.
@@ -24,7 +24,7 @@ pub struct SideBySide {
     pub robot: String,
     /// The result in a sentence.
     pub headline: String,
-    /// What the reader needs to know to read the page, e.g. rates and lengths.
+    /// Facts that help to read the page, e.g. rates and lengths.
     pub facts: Vec<Setting>,
     /// The robots. The time of a frame counts from the log's first sample that is shown.
     pub replay: Replay,
@@ -32,7 +32,7 @@ pub struct SideBySide {
     pub traces: Vec<JointTrace>,
     /// Whether samples of log and simulation can be compared one by one: then curves have their RMS error.
     pub aligned: bool,
-    /// What the reader must know before trusting the page.
+    /// Warnings that the reader must know before trusting the page.
     pub warnings: Vec<String>,
 }
 

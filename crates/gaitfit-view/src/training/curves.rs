@@ -5,8 +5,9 @@ use crate::chart::{Axis, Look, Plot, Series as Drawn};
 use crate::format::{clean, significant};
 use serde::Serialize;
 
-/// Charts of one kind at most, and seeds drawn at most.
+/// Max number of charts of one kind.
 const MAX_CHARTS: usize = 60;
+/// Max number of seeds that are drawn.
 pub(crate) const MAX_SEEDS: usize = 40;
 /// Iterations kept at most; longer runs are drawn from every nth.
 const MAX_ITERATIONS: usize = 4000;
@@ -109,7 +110,7 @@ struct Mean {
     high: Vec<f64>,
 }
 
-/// Of the seeds that have an iteration and have not stopped before.
+/// Computes the mean over the seeds that have an iteration and have not stopped before.
 fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> Mean {
     let mut points: Vec<(f64, f64)> = tracks
         .iter()

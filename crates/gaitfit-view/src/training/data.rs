@@ -1,4 +1,4 @@
-//! What the report of a training run shows, filled in by whoever ran it.
+//! Content of the report of a training run, filled in by whoever ran it.
 
 use crate::gait::GaitPicture;
 use crate::replay::Replay;
@@ -11,11 +11,11 @@ pub struct TrainingReport {
     pub title: String,
     /// Robot and task, e.g. `go2, velocity tracking`.
     pub robot: String,
-    /// When the run ended, as it is to be printed.
+    /// Time at which the run ended, as it is to be printed.
     pub created: String,
     /// Wall-clock time of all seeds together, s.
     pub wall_seconds: f64,
-    /// Why the result must not be taken as it stands.
+    /// Doubts about the result.
     pub doubts: Vec<Doubt>,
     /// What [`SeedResult`] was measured on, e.g. `10,000 trajectories of 4 s with random commands` or `the last 20
     /// iterations of training`.
@@ -24,7 +24,7 @@ pub struct TrainingReport {
     pub seeds: Vec<SeedCurve>,
     /// The gait of one policy, e.g. the first seed's.
     pub gait: Option<GaitPicture>,
-    /// Which policy and command the gait is of; may be empty.
+    /// Policy and command of the gait, for its caption; may be empty.
     pub gait_caption: String,
     /// A policy at work, e.g. the first seed's; at most 6,000 frames are kept. One that cannot be drawn is left out with
     /// a warning that says why.
@@ -33,7 +33,7 @@ pub struct TrainingReport {
     pub links: Vec<Link>,
     /// Short facts for the head of the page: environments, steps an iteration, action rate, …
     pub facts: Vec<Setting>,
-    /// What the reader must know before trusting the numbers.
+    /// Warnings that the reader must know before trusting the numbers.
     pub warnings: Vec<String>,
     /// The resolved configuration, as the text of its TOML file.
     pub configuration: String,
@@ -46,11 +46,11 @@ pub struct TrainingReport {
 pub struct SeedCurve {
     /// The seed.
     pub seed: u64,
-    /// How it ended.
+    /// Result at the end.
     pub result: SeedResult,
     /// Iteration numbers, ascending; every series has one value for each.
     pub iteration: Vec<u32>,
-    /// What learning is judged by: mean reward, velocity tracking errors, episode length, fall rate.
+    /// Curves by which learning is judged: mean reward, velocity tracking errors, episode length, fall rate.
     pub progress: Vec<Series>,
     /// Terms of the reward, one by one.
     pub rewards: Vec<Series>,
@@ -58,7 +58,7 @@ pub struct SeedCurve {
     pub diagnostics: Vec<Series>,
 }
 
-/// How one seed ended; what is not known stays NaN.
+/// Result of one seed; unknown numbers stay NaN.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SeedResult {
     /// Mean summed reward of a trajectory.
@@ -80,7 +80,7 @@ pub struct SeedResult {
 /// A number over the iterations. Series of one name are drawn in one chart, whatever the seed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// What it is, as it is to be printed.
+    /// Name, as it is to be printed.
     pub name: String,
     /// Its unit; empty when it has none.
     pub unit: String,
