@@ -43,3 +43,13 @@ fn one_unit_by_hand() {
         assert!((h - output).abs() < 1e-6, "{h} {output}");
     }
 }
+
+#[test]
+fn sizes_that_no_array_has_are_a_mistake() {
+    assert_eq!(unit(Cell::Gru).mistake(), None);
+    for hidden in [0, 2, usize::MAX] {
+        let mut wrong = unit(Cell::Gru);
+        wrong.layers[0].hidden = hidden;
+        assert!(wrong.mistake().is_some(), "{hidden}");
+    }
+}

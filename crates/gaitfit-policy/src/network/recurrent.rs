@@ -213,8 +213,10 @@ impl Recurrent {
             let RecurrentLayer { hidden, .. } = *layer;
             let sizes =
                 [layer.weight_ih.len(), layer.weight_hh.len(), layer.bias_ih.len(), layer.bias_hh.len()];
-            let wide = hidden.checked_mul(gates)?;
-            let wanted = [layer.inputs.checked_mul(wide), hidden.checked_mul(wide), Some(wide), Some(wide)];
+            // A product that overflows is no size of an array: `None` differs from all of them.
+            let wide = hidden.checked_mul(gates);
+            let product = |rows: usize| wide.and_then(|wide| rows.checked_mul(wide));
+            let wanted = [product(layer.inputs), product(hidden), wide, wide];
             if hidden == 0 || layer.inputs == 0 || layer.inputs != inputs || sizes.map(Some) != wanted {
                 return Some(format!(
                     "{} layer {} takes {} numbers of {inputs}, has {hidden} units and parts of {sizes:?} numbers",

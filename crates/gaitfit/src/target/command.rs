@@ -178,14 +178,29 @@ fn places(word: &str) -> impl Iterator<Item = &str> {
     })
 }
 
+/// The words with values in the places of `{onnx}`, `{policy}` and the names of `values`.
 fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Vec<String> {
-    let onnx = policy.onnx.display().to_string();
-    let safetensors = policy.safetensors.display().to_string();
-    let fill = |word: &String| {
-        let word = word.replace("{onnx}", &onnx).replace("{policy}", &safetensors);
-        values.iter().fold(word, |word, (name, value)| word.replace(&format!("{{{name}}}"), value))
-    };
-    words.iter().map(fill).collect()
+    let files =
+        [("onnx", policy.onnx.display().to_string()), ("policy", policy.safetensors.display().to_string())];
+    let all: Vec<&(&str, String)> = files.iter().chain(values).collect();
+    words.iter().map(|word| filled(word, &all)).collect()
+}
+
+/// `word` with values in the places of names in braces. Braces within a value stay as they are: a path may have some.
+fn filled(word: &str, values: &[&(&str, String)]) -> String {
+    let (mut text, mut rest) = (String::with_capacity(word.len()), word);
+    while let Some(at) = rest.find('{') {
+        let (before, from) = rest.split_at(at);
+        text.push_str(before);
+        let known = values.iter().find_map(|(name, value)| {
+            let after = from.strip_prefix('{')?.strip_prefix(name)?.strip_prefix('}')?;
+            Some((value.as_str(), after))
+        });
+        let (value, after) = known.unwrap_or_else(|| from.split_at(1));
+        text.push_str(value);
+        rest = after;
+    }
+    text + rest
 }
 
 /// Runs a program to its end and gives what it printed; its standard error is passed on.
@@ -234,4 +249,17 @@ fn interrupted(setting: &str) -> Error {
 
 fn program_error(setting: &'static str, words: &[String], problem: String) -> Error {
     Error::Program { setting, command: escaped(&words.join(" "), MAX_WORDS), problem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn braces_within_a_value_stay() {
+        let values = [("policy", "/runs/{seed}/walk".to_owned()), ("seed", "7".to_owned())];
+        let all: Vec<&(&str, String)> = values.iter().collect();
+        assert_eq!(filled("{policy}", &all), "/runs/{seed}/walk");
+        assert_eq!(filled("--seed={seed},{seed}{other}{", &all), "--seed=7,7{other}{");
+    }
 }
