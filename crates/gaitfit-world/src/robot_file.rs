@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Max number of folders above a policy, and of parts at the end of a path, that are looked at.
 const MAX_DEPTH: usize = 16;
 
-/// What a policy keeps of the robot file of its training.
+/// Returns what a policy keeps of the robot file of its training: path, hash, and how it was read.
 ///
 /// # Errors
 /// A file that cannot be read.

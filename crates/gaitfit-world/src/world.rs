@@ -109,7 +109,7 @@ impl World {
         Self::among(args, policy, settings, None)
     }
 
-    /// The same with the robots of a file of draws, which belongs to the fitted parameters.
+    /// As [`World::with_task`], with the robots of a file of draws, which belongs to the fitted parameters.
     pub fn among(
         args: &WorldSettings,
         policy: Policy,
@@ -277,7 +277,7 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         .map_err(|error| error.within("--task takes `velocity`, `biped` or a file with settings of a task:"))
 }
 
-/// Cells of a side of the grid that means are taken over.
+/// Cells along each side of the grid over which the mean of |c| is taken (midpoint rule).
 const GRID: usize = 200;
 
 /// Mean velocity error of a robot that stands still, m/s: the mean of |c| over commands c = (x, y) as they are drawn.
@@ -285,6 +285,7 @@ pub fn standing_error(command: &CommandSettings) -> f64 {
     let at = |[low, high]: [f64; 2], cell: usize| low + (high - low) * (cell as f64 + 0.5) / GRID as f64;
     let sum: f64 =
         (0..GRID * GRID).map(|cell| at(command.x, cell / GRID).hypot(at(command.y, cell % GRID))).sum();
+    // A robot that stands has no error where the command is zero.
     (1.0 - command.standing) * sum / (GRID * GRID) as f64
 }
 

@@ -21,7 +21,8 @@ use gaitfit_learn::task::Task;
 use gaitfit_run::watch::Watch;
 use gaitfit_sim::Candidate;
 
-/// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for.
+/// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for: they take less time there
+/// than compiling the GPU's program.
 const FEW: usize = 1000;
 
 /// The processor or a GPU.

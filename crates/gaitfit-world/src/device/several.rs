@@ -72,6 +72,7 @@ impl Devices {
     pub fn groups(&self, seeds: usize) -> Vec<Self> {
         let groups = seeds.clamp(1, self.0.len().max(1));
         let each = (self.0.len() / groups).max(1);
+        // GPUs that do not fill a group stay idle.
         self.0.chunks_exact(each).take(groups).map(|group| Self(group.to_vec())).collect()
     }
 
