@@ -50,6 +50,7 @@ pub fn attack(
 ) -> Outcome {
     let mut outcome = Outcome::default();
     for round in 0..rounds {
+        // The seed is the file's number, so that the number in a message is enough to repeat a failure.
         let file = damaged(&mut Draws::new(round as u64));
         let witness = Witness(name, round);
         let start = Instant::now();

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Plays the targets on a robot, in MuJoCo, or not at all.
 const PLAYER: &str = include_str!("play.py");
-/// Where the script's numbers stand.
+/// Line of the script that the robot's numbers replace.
 const NUMBERS: &str = "CHIRP = {}";
 
 /// Files by name.
@@ -62,6 +62,7 @@ fn player(settings: &ChirpSettings, body: &Body) -> Result<String, Error> {
         "speed": column(&body.velocity),
         "torque": column(&body.torque),
     });
+    // A limit that a joint lacks is `null` in JSON and `None` in the script, which is Python.
     let numbers = serde_json::to_string_pretty(&numbers).map_err(Error::failed)?.replace("null", "None");
     Ok(PLAYER.replacen(NUMBERS, &format!("CHIRP = {numbers}"), 1))
 }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 /// Most samples of a chirp.
 pub(super) const MAX_SAMPLES: f64 = 100_000.0;
-/// Targets that a period of the fastest motion needs.
+/// Min number of targets in a period of the fastest motion.
 const MIN_TARGETS: f64 = 8.0;
 
 /// Which joints move at a time.

@@ -139,6 +139,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 }
                 "geom" => self.read_geom(child, scope, mass)?,
                 "site" => self.read_site(child, scope)?,
+                // Only for pictures.
                 "camera" | "light" => {}
                 "composite" | "flexcomp" | "plugin" => self.ctx.refuse(
                     child.at,
@@ -250,6 +251,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 }
             }
             // MuJoCo keeps an explicit inertial when no geom has mass.
+            // MuJoCo's `mjEPS`.
             if !parts.iter().all(|p| p.mass <= 1e-14) {
                 inertial = combine(&parts);
             }
@@ -281,6 +283,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 }
                 let body = &mut self.bodies[scope.body];
                 body.joints.push((*joint, element.at));
+                // A rigid body has six degrees of freedom; MuJoCo refuses more too.
                 if body.joints.len() > 6 || body.free.is_some() {
                     return Err(self.ctx.invalid(
                         element.at,

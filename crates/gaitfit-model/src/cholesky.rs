@@ -32,6 +32,7 @@ impl Cholesky {
 
     /// `vᵀ M⁻¹ v`; `v` has `size` numbers.
     pub fn inverse_form(&self, v: &[f64]) -> f64 {
+        // With L y = v the form is yᵀ y.
         let (l, n) = (&self.factor, self.size);
         let mut y = v.to_vec();
         for i in 0..n {

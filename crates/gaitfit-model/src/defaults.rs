@@ -137,6 +137,7 @@ impl Defaults {
             }
         };
         a.finish(ctx)?;
+        // A class's own entries come first, wherever the file has them: the classes inside begin as copies of it.
         for child in element.children.iter().filter(|c| c.name != "default") {
             read_entry(ctx, child, compiler, &mut self.classes[index])?;
         }
