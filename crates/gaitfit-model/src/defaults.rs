@@ -46,7 +46,7 @@ impl Default for Class {
 /// can have it.
 pub(crate) const APART: &str = "default apart";
 
-/// Most default classes of one file.
+/// Max number of default classes of one file.
 const MAX_CLASSES: usize = 512;
 
 /// All classes of a file; index 0 is `main`, which applies where no class is named.

@@ -41,6 +41,7 @@ pub(crate) fn add_floor(
     }
     let mut surface = defaults.class(0).geom.surface();
     if surface.is_visual() {
+        // The file's default class turns contacts off, for its visuals: the floor gets MuJoCo's defaults.
         (surface.contype, surface.conaffinity) = (1, 1);
     }
     let friction = surface.friction.map(shown_number).join(" ");

@@ -49,6 +49,7 @@ pub(crate) fn read_inertial(
         (None, None) => [0.0; 3],
         (None, Some(full)) if !oriented => {
             let (values, axes) = principal(full);
+            // MuJoCo's `mjEPS`.
             if values[2] < 1e-14 {
                 return Err(ctx.invalid(
                     element.at,
@@ -114,6 +115,7 @@ pub(crate) fn check_inertia(
             "give a mass and principal moments of zero or more",
         ));
     }
+    // Of any body A + B − C = 2 ∫ z² dm, which is not negative.
     if a + b < c || a + c < b || b + c < a {
         if !balance {
             return Err(ctx.invalid(

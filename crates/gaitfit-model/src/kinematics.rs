@@ -37,6 +37,7 @@ impl Frame {
 pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
     let mut frames: Vec<Frame> = Vec::with_capacity(model.bodies.len());
     for (index, body) in model.bodies.iter().enumerate() {
+        // Depth first: a parent's frame is there before its children's.
         let mut frame = match body.parent {
             Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,

@@ -30,7 +30,7 @@ pub struct LeftOut {
     pub harmless: bool,
 }
 
-/// Most joints named in a warning.
+/// Max number of joints named in a warning.
 const MAX_NAMES: usize = 4;
 
 impl Model {

@@ -98,6 +98,7 @@ impl Pattern {
             .iter()
             .map(|joint| (strsim::sorensen_dice(wanted, plain(joint.as_ref())), joint.as_ref()))
             .collect();
+        // A stable sort: of equally near names the robot's first one comes first.
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         let nearest = scored.into_iter().take(NEAREST).map(|(_, joint)| joint.to_owned()).collect();
         PatternError::NoJoint { pattern: self.text.clone(), robot: robot.to_owned(), nearest }

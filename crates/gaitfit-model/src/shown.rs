@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-/// Most characters of a text in a message.
+/// Max number of characters of a text in a message.
 const MAX_CHARS: usize = 60;
-/// Most characters of a path in a message.
+/// Max number of characters of a path in a message.
 const MAX_PATH_CHARS: usize = 1000;
 
 /// `text` for a message: at most 60 characters, the rest cut to `...`. Characters that control a terminal or turn the

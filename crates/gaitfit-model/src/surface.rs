@@ -136,10 +136,13 @@ impl Surface {
 impl SurfaceBlock {
     /// Where the vertical line at x, y leaves it, if it meets it.
     fn top(&self, x: f64, y: f64) -> Option<f64> {
+        // A box is what three pairs of parallel planes have in common (slab method, Kay and Kajiya 1986): the line is
+        // inside from the last entry to the first exit.
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let d = [x - self.position[0], y - self.position[1]];
         for (axis, half) in self.axes.iter().zip(self.half) {
             let along = axis[0] * d[0] + axis[1] * d[1];
+            // The line runs along these two planes: between them all the way, or never.
             if axis[2].abs() <= UPRIGHT {
                 if along.abs() > half {
                     return None;

@@ -64,9 +64,9 @@ pub struct HeightField {
     pub heights: Vec<f64>,
 }
 
-/// Most vertices of a height field.
+/// Max number of vertices of a height field.
 const MAX_VERTICES: usize = 1 << 20;
-/// Most height fields of a file.
+/// Max number of height fields of a file.
 const MAX_FIELDS: usize = 16;
 /// Elevations closer together than this are level (MuJoCo's `mjEPS`).
 const LEVEL: f32 = 1e-14;
@@ -197,6 +197,7 @@ fn read_file(ctx: &Context, file: &str, compiler: &Compiler) -> Result<(usize, u
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return picture::read(&path, MAX_VERTICES).map_err(|error| format!("{shown}: {error}"));
     }
+    // Two counts, then a float for each vertex.
     let max = 8 + 4 * MAX_VERTICES as u64;
     let size = std::fs::metadata(&path).map_err(|error| format!("{shown}: {error}"))?;
     if !size.is_file() || size.len() > max {

@@ -173,6 +173,7 @@ impl Parts {
                 surface: geom.surface,
                 weld,
                 parent: carrier(weld),
+                // No body that moves is carried by this one.
                 last: !(0..welds.len()).any(|b| welds[b] == b && b != weld && robot[b] && carrier(b) == weld),
             });
         }
@@ -280,6 +281,7 @@ impl Parts {
         if !computed(&geoms[0].shape, &geoms[1].shape) {
             return Err(words());
         }
+        // MuJoCo orders the geoms of a contact by type, which sets the sign of its normal.
         geoms.sort_by_key(order);
         let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
         let contact = match explicit {
