@@ -83,6 +83,7 @@ impl<'a> Chains<'a> {
                     && chains.reaches(inside, before, kind)
                 {
                     chains.kinds[index] = Some(kind);
+                    // The merge and the chain inside it both use `before`; the flattened chain takes it in once.
                     chains.uses[before as usize] -= 1;
                 }
             }
@@ -177,6 +178,7 @@ impl<'a> Chains<'a> {
             let [guard, inside, before, _] = node.args;
             self.flatten(Walk { at: index, ..walk }, before, left_out, terms)?;
             let inner = Walk { at: index, gate: Some((guard, index)), ..walk };
+            // The chain inside begins with `before`, which is in the terms already.
             return self.flatten(inner, inside, &mut Some(before), terms);
         }
         for (operand, sign) in addends(node) {

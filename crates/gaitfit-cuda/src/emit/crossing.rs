@@ -71,6 +71,7 @@ impl Crossing {
             }
             let Some(home) = program.home[inside as usize] else { continue };
             let region = &program.regions[home as usize];
+            // Only a number that is there when the region begins can be a variable that the region changes.
             let guarded = matches!(region.kind, Kind::Guarded(_));
             if guarded && before < region.nodes.start && region.parent == program.home[index] {
                 self.set_inside.entry(home).or_default().push(index as u32);

@@ -111,6 +111,7 @@ impl Layout {
         for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {
             let class = Class::from_input(input);
             let of_class = &mut slots[class as usize];
+            // Counterparts of all lanes share a slot, a row of one number a thread.
             let slot = *first[twin as usize].get_or_insert_with(|| {
                 let count = if lane.is_some() { &mut of_class.own } else { &mut of_class.shared };
                 *count += 1;

@@ -119,6 +119,8 @@ impl PeriodProgram {
         }
         let masks: Vec<u8> = seats.lane.iter().map(|lane| lane.map_or(0, |lane| 1 << lane)).collect();
         let whole = Source::new(&period.graph, |_| 0);
+        // The lanes of the guards are needed before guards are dissolved, so they are found on the whole recording
+        // first.
         let owned = Lanes::new(&whole, &Chains::new(&whole), &masks)?.mask;
         let steady = of_parameters(period);
         let source = Source::new(&period.graph, |guard| {

@@ -111,6 +111,7 @@ impl Planner<'_> {
         if let Some(&item) = self.known.get(&tuple) {
             return item;
         }
+        // A placeholder: `fill` sets the operation.
         let item = self.add((tuple[0], LAST), Op::Neg, &[]);
         self.known.insert(tuple.clone(), item);
         self.waiting.push((item, tuple));
@@ -270,6 +271,7 @@ impl Planner<'_> {
                 _ => return Err(EmitError::Mixes("a product")),
             }
         }
+        // Lanes run one program, so each needs a term at every place.
         let length = per_lane[0].len();
         if per_lane.iter().any(|terms| terms.len() != length) {
             return Err(EmitError::Unlike);
@@ -286,6 +288,7 @@ impl Planner<'_> {
         match all {
             None => self.set(item, op, &[part]),
             Some(all) => {
+                // Just before the chain's end, which is the last item of its place.
                 let sum = self.add((root, LAST - 1), op, &[part]);
                 self.set(item, joining(kind), &[sum, all]);
             }
@@ -324,6 +327,7 @@ impl Planner<'_> {
             if let (Some(merge), Some(inside)) = (merge, sum) {
                 let gates = run[0].iter().filter_map(|term| term.gate.map(|(guard, _)| guard));
                 let guard = self.intern(gates.collect());
+                // What a lane adds that leaves the region out. The extremes are finite, as the text has no infinity.
                 let neutral = match kind {
                     Kind::Sum => 0.0,
                     Kind::Max => f64::MIN,

@@ -149,6 +149,7 @@ impl Draft {
             }
         }
         for &output in self.outputs.iter().chain(self.handed.values().flatten().flat_map(|(a, b)| [a, b])) {
+            // Two, so that a product that is also an output never counts as used once.
             uses[output as usize] += 2;
         }
         for index in 0..self.nodes.len() {

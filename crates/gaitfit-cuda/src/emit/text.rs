@@ -241,6 +241,7 @@ impl<'a> Writer<'a> {
         self.block(None, 0..self.program.nodes.len() as u32);
         let mut kept = BTreeSet::new();
         for (&place, &(_, output)) in self.layout.outputs.iter().zip(&period.outputs) {
+            // Outputs of all lanes share a slot: one statement writes it in every thread.
             if kept.insert((place.class, place.lane.is_some(), place.slot)) {
                 let value = self.operand(self.program.outputs[output as usize]);
                 let who = if place.lane.is_some() { "OWN" } else { "ALL" };

@@ -125,11 +125,13 @@ impl Candidates {
         let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
         // Of a robot that walks the base is not compared by distances.
         let by_distance = match subject {
+            // The last six: position and velocity.
             Subject::Walk(..) => dimensions.saturating_sub(6),
             Subject::Predict(_) | Subject::Replay(_) => dimensions,
         };
         let mut parts: Vec<Option<Parts>> = vec![None; jobs.len()];
         for (structure, mut own) in self.groups(subject, jobs)? {
+            // A session computes distances of its first candidates alone.
             own.sort_by_key(|&job| compared[job] == Compared::Squares);
             let mut rest = own.as_slice();
             while !rest.is_empty() {

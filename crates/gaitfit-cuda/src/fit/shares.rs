@@ -22,6 +22,7 @@ impl Worker for Candidates {
 
 /// The share of `jobs` that worker `number` of `workers` does: contiguous, and at most one larger than another's.
 fn share(jobs: usize, workers: usize, number: usize) -> Range<usize> {
+    // The first `jobs % workers` workers do one job more.
     let from = |number: usize| number * (jobs / workers) + number.min(jobs % workers);
     from(number)..from(number + 1)
 }
@@ -65,6 +66,7 @@ pub(super) fn shared<W: Worker, T: Send>(
             Err(error) => failures.push(error),
         }
     }
+    // Workers that were asked to stop report `Cancelled`, which hides the reason.
     let graver = |first, next| if matches!(first, FitError::Cancelled) { next } else { first };
     failures.into_iter().reduce(graver).map_or(Ok(values), Err)
 }

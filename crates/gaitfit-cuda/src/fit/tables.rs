@@ -11,7 +11,7 @@ use super::text::{copied, leg_joints};
 use super::{FitError, Subject};
 use crate::words::{unknown, unobserved};
 
-/// Numbers of the base's orientation and rates.
+/// Numbers of the base's orientation (a quaternion) and rates.
 const IMU_SIGNALS: usize = 7;
 
 /// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
@@ -58,6 +58,7 @@ impl Tables {
             let length = script.commands.len();
             script.states.len() >= length && script.actions.len() >= length * actions
         });
+        // Base: position (3), quaternion (4), linear and angular velocity (3 each). Joints: positions and velocities.
         let width = 13 + 2 * joints;
         let rows = scripts.len() * samples;
         let mut commands = vec![0.0; 3 * rows];

@@ -26,7 +26,8 @@ pub struct PeriodOptions {
     pub emit: EmitOptions,
 }
 
-/// Most operations of a program for two threads an environment: text much longer than this does not fit the GPU's cache
+/// Max number of operations of a program for two threads an environment: text much longer than this does not fit the
+/// GPU's cache
 /// of instructions, nor its numbers the registers.
 const LONGEST_FOR_TWO: usize = 6000;
 

@@ -113,6 +113,8 @@ impl NetLayout {
         // What a network gives is in f32, and where the numbers are others, behind them.
         let given = if bf16 { apart.last().copied().unwrap_or(0) } else { 0 };
         let bytes = (end / per_word + given) * size_of::<f32>();
+        // Each matrix lies there twice, for the way forth and transposed for the way back: the matrix units read both
+        // row by row.
         let (mut weights, mut biases, mut backs, mut packed) = (Vec::new(), Vec::new(), Vec::new(), 0);
         let (mut gradients, mut gradient, mut work) = ([Vec::new(), Vec::new()], 0, 0);
         let size = shape.parameters();
@@ -139,6 +141,8 @@ impl NetLayout {
             }
             packed += 2 * words + outputs;
             gradient += area + outputs;
+            // Forth, the weights' derivatives, and the derivatives of what goes in, which the first layer does not
+            // need.
             work += area * if index == 0 { 2 } else { 3 };
         }
         Self {

@@ -13,10 +13,10 @@ use super::storage::{Storage, Stored};
 use super::together::update_together;
 use crate::runtime::{Argument, CudaError, Device, Event, Graph, Kernel, Stream};
 
-/// Least compute capability: the matrix units' TF32.
+/// Min compute capability: matrix units take TF32 from Ampere on.
 const CAPABILITY: (i32, i32) = (8, 0);
 
-/// A logarithm of σ of which the exponential is 0.
+/// A logarithm of σ whose exponential is 0 in single precision.
 const NO_EXPLORATION: f32 = -1e4;
 
 /// Networks, optimiser and samples in a GPU's memory; see the module.
@@ -266,6 +266,7 @@ impl Learner {
 
     /// Tells the kernels of an update what they must know.
     pub(super) fn begin(&mut self, iteration: u32) -> Result<(), CudaError> {
+        // In the warm-up the critic learns alone; at its end the optimiser's moments begin anew.
         let warmup = self.settings.critic_warmup.unwrap_or(0);
         let flags = [u32::from(iteration < warmup), u32::from(warmup > 0 && iteration == warmup)];
         let [critic_alone, reset] = flags;
@@ -287,6 +288,8 @@ impl Learner {
                 if part.start > apart.start {
                     start(stream, &launches[part])?;
                 } else {
+                    // The deal of samples needs none of the advantages: it runs beside them, and both join before the
+                    // gradient steps.
                     fork.record(stream)?;
                     self.aside.wait_for(fork)?;
                     start(&self.aside, &launches[apart.clone()])?;

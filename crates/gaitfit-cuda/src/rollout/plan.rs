@@ -20,7 +20,8 @@ pub enum Home {
     Caller,
 }
 
-/// Numbers in `control`; see [`control`].
+/// Numbers in `control`: the first step, the seed (2 words), six ends of ranges in double precision (2 words each),
+/// and the first environment; see [`control`].
 const CONTROL: usize = 16;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
@@ -219,6 +220,7 @@ impl Plan {
         let substeps = self.disturbed?;
         let launch = self.launch("disturb", Some(step), &["control", "deviation", "robot_disturbance"]);
         let mut launch = self.columns(launch, substeps);
+        // The step comes first, then this, then the arrays.
         launch.arguments.insert(1, Value::U32(u32::try_from(tiles).unwrap_or(u32::MAX)));
         Some(launch)
     }
@@ -254,6 +256,7 @@ impl Plan {
             "held",
         ];
         let mut launch = self.launch("finish", Some(step), &arrays);
+        // The grid stays: a block still has the same number of environments.
         launch.shape.block[0] *= FINISH_PARTS;
         launch
     }

@@ -88,6 +88,7 @@ impl<'a> Play<'a> {
         check(task, &candidates, &host).map_err(unsupported)?;
         let Extent { count, last, steady } = extent;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
+        // Commands change between graphs alone, so a graph must end where the next command begins.
         let fits = |steps: &u32| steady.is_multiple_of(*steps);
         let steps = (1..=STEPS.min(last)).rev().find(fits).unwrap_or(1) as usize;
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };

@@ -152,13 +152,14 @@ impl<'a> Scene<'a> {
         self.period.layout().size(class)
     }
 
-    /// Most episodes of an environment that a rollout cuts off.
+    /// Max number of episodes of an environment that a rollout cuts off.
     pub(super) fn cuts(&self) -> usize {
         if self.is(Mode::Steps) {
             return 0;
         }
         // Episodes also end at the edge of generated ground.
         let left = usize::from(self.task.course.is_some());
+        // Episodes of full length have room for so many ends by time within a rollout.
         self.sizes.steps.div_ceil(self.episode_steps() as usize) + left
     }
 

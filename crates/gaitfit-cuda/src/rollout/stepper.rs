@@ -206,6 +206,7 @@ impl<'a> Stepper<'a> {
         }
         self.ready.record(&self.stream)?;
         let totals = self.rollout.read_f64(&self.stream, "totals")?;
+        // The first sum is the whole reward; its terms follow.
         for (sum, total) in self.summed.iter_mut().zip(totals.iter().skip(1)) {
             *sum += total;
         }

@@ -142,6 +142,7 @@ impl Words {
         ] {
             self.define(name, double(value));
         }
+        // A period of 0 turns pushes off in the kernels.
         let push = if settings.push.velocity == 0.0 { 0.0 } else { settings.push.seconds };
         for (name, value) in [
             ("EPISODE_STEPS_MAX", scene.episode_steps()),

@@ -306,6 +306,7 @@ impl<'a> Trainer<'a> {
                 to.extend_from_slice(&tally[sum.place(self.terms) * each..][..each]);
             }
         }
+        // Steps count from 1 here: 0 stands for a robot that did not diverge.
         let broken = steps.iter().enumerate().filter(|(_, step)| **step > 0.0);
         let (environment, step) =
             broken.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));

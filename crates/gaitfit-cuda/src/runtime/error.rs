@@ -137,6 +137,7 @@ impl CudaError {
     pub(crate) fn is_memory(&self) -> bool {
         match self {
             Self::Memory { .. } => true,
+            // The driver's words for `CUDA_ERROR_OUT_OF_MEMORY`.
             Self::Call { reason, .. } => reason.contains("out of memory"),
             _ => false,
         }

@@ -30,6 +30,7 @@ pub fn find() -> Found {
             let mut version = 0;
             // SAFETY: the driver stores one int.
             if unsafe { (driver.driver_version)(&raw mut version) } == 0 {
+                // CUDA has 1000 major + 10 minor.
                 report.driver = Some(format!("{}.{}", version / 1000, version % 1000 / 10));
             }
             match count(driver) {

@@ -39,7 +39,7 @@ impl Places {
     }
 }
 
-/// Versions of the library that are tried, newest first.
+/// Versions of the library that are tried, newest first. Those from 11.3 to 11.8 keep the name of 11.2.
 const VERSIONS: [&str; 3] = ["13", "12", "11.2"];
 
 /// Files and loader names to try, in order.

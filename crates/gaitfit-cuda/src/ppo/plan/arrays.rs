@@ -108,10 +108,12 @@ impl Arrays {
         let share = batch.share.count;
         // Of one GPU there are none.
         let mut shares = |names: [&'static str; 2], length: usize| {
+            // One GPU has nobody to tell.
             let length = if share > 1 { length } else { 0 };
             [m.array(names[0], Kind::F64, length), m.array(names[1], Kind::F64, share * length)]
         };
         let advantage_shares = shares(["advantage_share", "advantage_shares"], ADVANTAGE_NUMBERS);
+        // Losses in double precision, then the gradient in single precision, two numbers in the place of one.
         let of_gradient = LOSSES + actions + networks.div_ceil(2);
         let [even, of_all] = shares(["share", "shares"], of_gradient);
         let statistics_shares = [

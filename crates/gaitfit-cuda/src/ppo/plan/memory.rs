@@ -120,6 +120,8 @@ pub(in crate::ppo) fn turns(shapes: &[RecurrentShape; 2]) -> Vec<u32> {
             let wide = shape.cell.gates() * layer.hidden;
             for (range, inputs) in layer.parts.into_iter().zip([layer.inputs, layer.hidden, 1, 1]) {
                 let begin = offset + range.start;
+                // Element (row, column) of a matrix with `wide` columns goes to (column, row). Biases have one row
+                // and stay.
                 places.extend((0..range.len()).map(|k| (begin + k % wide * inputs + k / wide) as u32));
             }
         }
@@ -137,6 +139,7 @@ impl Memory {
         samples: &Samples,
     ) -> Self {
         let Batch { steps, environments, share, .. } = batch;
+        // Room for the largest minibatch of an update, and for a step of all environments in a rollout.
         let rows = (environments.div_ceil(minibatches) * steps).max(environments);
         let size: usize = shapes.iter().map(RecurrentShape::parameters).sum();
         let chunks = rows.div_ceil(ROWS);
@@ -149,6 +152,7 @@ impl Memory {
         let mut offset = 0;
         let nets = [0, 1].map(|number| {
             let (shape, [state, start, taken]) = (shapes[number].clone(), names[number]);
+            // A GRU has no cell besides its output.
             let lstm = usize::from(shape.cell == Cell::Lstm);
             let layers = shape.layers().into_iter().map(|layer| {
                 let (units, wide) = (rows * layer.hidden, rows * layer.hidden * shape.cell.gates());
@@ -269,6 +273,7 @@ impl Memory {
         let first = part * self.environments;
         let start_first = part.saturating_sub(1) * self.environments;
         let launches = self.layers(net, &self.once(net, net.observation, first, start_first, false));
+        // Places of `input` and `start` in the arguments of `layers`.
         (launches, [18, 21])
     }
 
@@ -336,6 +341,7 @@ impl Memory {
         let mut launches = Vec::new();
         for net in &self.nets {
             let cell = net.shape.cell;
+            // From the last layer back: each gives the one below it its derivative.
             for (index, (span, layer)) in net.shape.layers().iter().zip(&net.layers).enumerate().rev() {
                 let wide = cell.gates() * span.hidden;
                 let places = span.parts.each_ref().map(|range| net.offset + range.start);

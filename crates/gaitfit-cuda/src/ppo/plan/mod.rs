@@ -173,7 +173,9 @@ impl Plan {
         let mut launch = self.foresee.clone()?;
         let (processors, tile, _) = self.sharing;
         launch.shape.grid[0] = rows.div_ceil(tile).clamp(1, processors.max(1)) as u32;
+        // No block for the actor: its means are not asked for.
         launch.arguments[..3].copy_from_slice(&[word(from), word(rows), word(0)]);
+        // Places of the critic's observations and of the values in the arguments of `Update::foresee`.
         Some((launch, [4, 8]))
     }
 
@@ -204,6 +206,7 @@ impl Plan {
 /// Blocks of the actor and of the critic: by their work, at least one each, at most one a tile.
 fn share(processors: usize, tiles: usize, work: [usize; 2]) -> [usize; 2] {
     let (processors, tiles) = (processors.max(2), tiles.max(1));
+    // Rounded to the nearest.
     let actor = (processors * work[0] + (work[0] + work[1]) / 2) / (work[0] + work[1]).max(1);
     let actor = actor.clamp(1, processors - 1);
     [actor.min(tiles), (processors - actor).min(tiles)]

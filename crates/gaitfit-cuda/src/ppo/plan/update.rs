@@ -50,6 +50,7 @@ impl Update<'_> {
         m.launch("fill", Shape::new(1, 32), &[a.first, word(CHECKED.len()), Value::U32(u32::MAX)]);
         let Sizes { rows, widths, batch, .. } = self.sizes;
         let widest = widths.observation.max(widths.critic_observation).max(widths.action);
+        // Each of a block's 256 threads looks at 16 numbers of the widest array, at more if it is very long.
         let blocks = (rows * widest).div_ceil(4096).clamp(1, 512) as u32;
         let shape = Shape { grid: [blocks, CHECKED.len() as u32, 1], ..Shape::new(1, 256) };
         let sizes = [rows, batch.environments, widths.observation, widths.critic_observation].map(word);
@@ -73,6 +74,8 @@ impl Update<'_> {
     /// Advantages and returns.
     pub(super) fn advantages(&mut self) {
         let (a, settings, batch) = (self.arrays, self.settings, self.sizes.batch);
+        // Generalised advantage estimation (Schulman et al. 2016): a thread goes backwards through an environment's
+        // steps.
         let (gamma, decay) = (settings.gamma as f32, (settings.gamma * settings.lambda) as f32);
         let arguments = [
             word(batch.steps),
@@ -175,6 +178,7 @@ impl Update<'_> {
         let mut arguments = vec![
             word(epoch * sizes.rows + sizes.begin(minibatch)),
             word(sizes.minibatch_rows(minibatch)),
+            // Losses are means over the minibatch of all GPUs, so each GPU divides by all of their rows.
             Value::F32((1.0 / sizes.whole_rows(minibatch) as f64) as f32),
             word(actor),
             a.control,
