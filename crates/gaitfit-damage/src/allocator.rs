@@ -1,4 +1,4 @@
-//! How much memory a thread takes.
+//! An allocator that counts the memory of each thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -12,7 +12,7 @@ pub struct Bounds {
     pub time: Duration,
 }
 
-/// How readings ended.
+/// Result of reading many damaged files.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     /// Files that were read in spite of their damage.

@@ -22,7 +22,7 @@ const ROOM: f64 = 1.5;
 const ARMATURE: f64 = 0.1;
 const DAMPING: f64 = 1.0;
 const DELAY: f64 = 0.02;
-/// Where the gains of the built-in robot are from.
+/// Source of the gains of the built-in robot.
 const BUILT_IN: &str = "the gains of the built-in task";
 /// Max number of names that a message lists; it counts the others.
 const LISTED: usize = 4;
@@ -43,7 +43,7 @@ pub(super) struct Body {
     pub range: Vec<[f64; 2]>,
     pub velocity: Vec<f64>,
     pub torque: Vec<f64>,
-    /// What is fitted, and its bounds.
+    /// The fit: its parameters and their bounds.
     pub config: AdaptConfig,
     /// Where gains and limits come from, a sentence each.
     pub notes: Vec<String>,

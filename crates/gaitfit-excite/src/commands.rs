@@ -34,7 +34,7 @@ const VARIANTS: usize = 4;
 /// Largest `reach`.
 const MAX_REACH: f64 = 10.0;
 
-/// What commands are for.
+/// Settings of the choice of commands.
 #[derive(Clone, Debug)]
 pub struct CommandSettings {
     /// Configuration of the fit of walking logs: what is fitted, and how. Its logs, if it names any, are those that there
@@ -72,7 +72,7 @@ pub struct Commands {
     pub robot: String,
     /// Candidates that were simulated.
     pub pool: usize,
-    /// Those that fell.
+    /// Number of candidates under which the robot fell, or whose simulation diverged.
     pub fell: usize,
     /// Length of the configuration's logs, s; absent if it names none.
     pub recorded_seconds: Option<f64>,
@@ -87,7 +87,7 @@ pub struct Commands {
     pub sequences: Vec<Sequence>,
 }
 
-/// What to expect of a parameter.
+/// Expected standard deviations of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Expected {
     /// Name.
@@ -156,7 +156,7 @@ fn check_size(settings: &CommandSettings, control_dt: f64) -> Result<(), Error> 
     Ok(())
 }
 
-/// What the first walks show.
+/// Results of the first walks.
 struct FirstWalks {
     choice: Choice,
     /// Information of the sequences that are drawn as the task draws them.

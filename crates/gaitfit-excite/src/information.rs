@@ -30,7 +30,7 @@ impl Information {
         Self { noise: &curvature * variance, curvature }
     }
 
-    /// Of `curvature`, with the variance 1.
+    /// The information of `curvature`, with the variance 1.
     #[cfg(test)]
     pub fn from_curvature(curvature: DMatrix<f64>) -> Self {
         Self { noise: curvature.clone(), curvature }

@@ -66,17 +66,17 @@ pub struct Swept {
     pub top_hz: f64,
     /// Lowest and highest position, rad.
     pub position: [f64; 2],
-    /// Where it may be, rad, without the margin.
+    /// Range of the joint, rad, without the margin.
     pub range: [f64; 2],
     /// Largest speed, rad/s.
     pub velocity: f64,
-    /// Its limit, rad/s, without the margin.
+    /// Speed limit, rad/s, without the margin.
     pub velocity_limit: f64,
     /// Largest torque that the controller asks for, N·m.
     pub torque: f64,
-    /// Its limit, N·m, without the margin.
+    /// Torque limit, N·m, without the margin.
     pub torque_limit: f64,
-    /// What made the chirp smaller than asked for; absent if nothing did.
+    /// The limit that made the chirp smaller than asked for, and the robot that met it; absent if none did.
     pub limited_by: Option<String>,
 }
 

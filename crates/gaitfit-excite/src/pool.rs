@@ -14,9 +14,9 @@ const CHANGE: f64 = 0.15;
 /// Kinds of sequences beside the usual ones.
 const KINDS: usize = 5;
 
-/// What sequences are drawn from.
+/// The source of command sequences.
 pub(super) struct Pool<'a> {
-    /// As the task draws them.
+    /// Ranges from which the task draws commands.
     pub usual: &'a Ranges,
     /// Smallest and greatest command of the others, m/s ahead, m/s to the left, rad/s.
     pub ranges: [[f64; 2]; 3],

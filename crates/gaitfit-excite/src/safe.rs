@@ -163,7 +163,7 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// What is fitted.
+    /// The parameters of the fit.
     pub fn theta(&self) -> &Theta {
         &self.theta
     }

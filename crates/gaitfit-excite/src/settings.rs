@@ -1,4 +1,4 @@
-//! What a chirp should be.
+//! Settings of a chirp.
 
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown_number;

@@ -30,7 +30,7 @@ pub(super) struct Sweep {
 /// The targets of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct JointSweep {
-    /// When it moves; none: never.
+    /// Turn in which it moves; `None`: it is held.
     pub turn: Option<usize>,
     /// Middle of the motion, rad.
     pub centre: f64,
@@ -43,7 +43,7 @@ pub(super) struct JointSweep {
 }
 
 impl Sweep {
-    /// As asked for: nothing is smaller yet. `turn`: when each joint moves.
+    /// The chirp of the settings, before anything makes it smaller. `turn`: the turn of each joint.
     pub fn new(settings: &ChirpSettings, centre: &[f64], turn: &[Option<usize>]) -> Self {
         let [bottom, top] = settings.frequency;
         let joint = |(number, (&centre, &turn)): (usize, (&f64, &Option<usize>))| {
@@ -78,7 +78,7 @@ impl Sweep {
         Self { turn, turns: 1, joints: self.joints.iter().map(still).collect(), ..self.clone() }
     }
 
-    /// Targets of a joint.
+    /// Number of targets of a joint.
     pub fn samples(&self) -> usize {
         2 * self.rest + self.turns * self.turn
     }

@@ -74,7 +74,7 @@ pub(crate) fn read_inertial(
 /// Size up to which a moment of inertia is rounding, kg·m²: programs that compute the principal moments of a link almost
 /// without mass write −1e−22. A grain of sand has more.
 pub(crate) const ROUNDING: f64 = 1e-15;
-/// The same as a share of the largest moment.
+/// Size up to which a moment of inertia is rounding, as a share of the largest moment.
 const ROUNDING_SHARE: f64 = 1e-12;
 
 /// The moments without what is only rounding: a small negative moment is zero, and moments that violate A + B ≥ C by less

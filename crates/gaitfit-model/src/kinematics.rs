@@ -63,16 +63,16 @@ pub fn rest_frames(model: &Model) -> Vec<Frame> {
 pub struct Reach {
     /// Half edges of a box; half the axis of a capsule or a cylinder, m.
     pub edges: [Vec3; 3],
-    /// Of spheres and capsules, m.
+    /// Radius of spheres and capsules, m; 0 for other shapes.
     pub radius: f64,
-    /// Of a cylinder, m; 0 for other shapes.
+    /// Radius of a cylinder, m; 0 for other shapes.
     pub rim: f64,
     /// Axis of the cylinder, unit.
     pub axis: Vec3,
 }
 
 impl Reach {
-    /// Of a geom.
+    /// The reach of a geom.
     pub fn new(geom: &Geom) -> Self {
         let along = |k: usize, length: f64| {
             let mut edge = [0.0; 3];

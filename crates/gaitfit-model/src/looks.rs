@@ -30,7 +30,7 @@ const MAX_READ: usize = 1 << 20;
 pub struct Looks {
     /// The meshes, each in a frame in the middle of its box.
     pub meshes: Vec<ThinMesh>,
-    /// Where they are.
+    /// Places of the meshes on the links.
     pub places: Vec<Look>,
 }
 

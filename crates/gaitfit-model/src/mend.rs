@@ -148,7 +148,7 @@ fn shapes(body: &BodySpec) -> Vec<Inertial> {
     parts
 }
 
-/// What the robot's bodies look like beside the geoms that are simulated.
+/// Shapes of the robot's bodies beside the geoms that are simulated.
 pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     let root = member.iter().position(|member| *member).unwrap_or(0);
     let members = spec.bodies.iter().enumerate().filter(|(index, _)| member[*index]);
@@ -157,7 +157,7 @@ pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     all.take(MAX_OUTLINES).collect()
 }
 
-/// The same of one body, without its number.
+/// [`outlines`] of one body, without its number.
 pub(crate) fn of_body(body: &BodySpec) -> impl Iterator<Item = Outline> {
     let meshes = body.geoms.iter().filter_map(|geom| {
         // Simple shapes that do not collide are no feet: their file could have said so.

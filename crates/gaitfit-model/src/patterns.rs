@@ -91,7 +91,7 @@ impl Pattern {
         plain(&self.text) == plain(joint)
     }
 
-    /// That it covers none of the `joints` of `robot`.
+    /// The error of a pattern that covers none of the `joints` of `robot`.
     fn unmatched<S: AsRef<str>>(&self, robot: &str, joints: &[S]) -> PatternError {
         let wanted = plain(&self.text);
         let mut scored: Vec<(f64, &str)> = joints

@@ -82,7 +82,7 @@ impl HeightField {
 /// The height fields of a file's assets.
 #[derive(Debug, Default)]
 pub(crate) struct Fields {
-    /// Those that can be used.
+    /// The height fields that can be used.
     pub all: Vec<HeightField>,
     /// By name, as a place in `all` or why it cannot be used.
     pub names: HashMap<String, Result<usize, String>>,

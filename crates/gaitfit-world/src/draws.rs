@@ -7,7 +7,7 @@ use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
 
-/// Its name, beside `theta.toml`.
+/// Name of the file, beside `theta.toml`.
 const NAME: &str = "draws.csv";
 /// Largest file, and most rows.
 const MAX_BYTES: u64 = 16 << 20;

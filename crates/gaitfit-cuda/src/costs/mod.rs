@@ -161,7 +161,7 @@ impl Comparison {
         })
     }
 
-    /// What it takes of the GPU's memory, by name, bytes.
+    /// Parts of the GPU's memory that it takes, by name, bytes.
     pub fn parts(device: &Device, sizes: Sizes) -> Vec<(&'static str, u64)> {
         let Sizes { candidates, recordings, samples, dimensions, .. } = sizes;
         let product =
@@ -266,7 +266,7 @@ impl Comparison {
         Ok(self.squares.read(stream)?)
     }
 
-    /// The same summed over recordings, `candidates × dimensions`.
+    /// As [`Comparison::squared_differences`], summed over recordings: `candidates × dimensions`.
     ///
     /// # Errors
     /// As [`Comparison::distances`].

@@ -8,7 +8,7 @@ use super::EmitError;
 use super::op::{Node, Op};
 use super::source::Source;
 
-/// What a chain does.
+/// The operation of a chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Adds.
@@ -20,7 +20,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// That of an operation.
+    /// The kind of chain that an operation continues.
     pub fn from_op(op: Op) -> Option<Self> {
         match op {
             Op::Add | Op::Sub | Op::Neg | Op::Fma | Op::Fnma => Some(Kind::Sum),
@@ -192,7 +192,7 @@ impl<'a> Chains<'a> {
     }
 }
 
-/// Where a walk through a chain is.
+/// State of a walk through a chain.
 #[derive(Clone, Copy)]
 struct Walk {
     kind: Kind,

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::op::Op;
 use super::program::{Kind, Program};
 
-/// What crosses a region's bounds.
+/// The numbers that cross the bounds of regions.
 pub struct Crossing {
     /// Nodes that are declared before the region they are made in.
     pub early: BTreeSet<u32>,
@@ -42,7 +42,7 @@ impl Program {
 }
 
 impl Crossing {
-    /// Finds them.
+    /// Finds the crossings of a program.
     pub fn new(program: &Program) -> Self {
         let mut crossing = Self {
             early: BTreeSet::new(),

@@ -13,7 +13,7 @@ use super::PeriodProgram;
 /// Threads in a tile.
 pub const TILE: usize = 32;
 
-/// What numbers are kept together.
+/// Kinds of numbers that are kept together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// Motion state: read and written.
@@ -57,7 +57,7 @@ impl Class {
         }
     }
 
-    /// That of an input.
+    /// The class of an input.
     fn from_input(input: &Input) -> Self {
         match input {
             Input::State(_) => Self::State,
@@ -73,7 +73,7 @@ impl Class {
 /// Where a number lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// With which others.
+    /// Class of the number.
     pub class: Class,
     /// The lane that has it, or `None` if all share it.
     pub lane: Option<usize>,
@@ -95,9 +95,9 @@ pub struct Slots {
 pub struct Layout {
     /// Threads of an environment.
     pub lanes: usize,
-    /// Of each input of the recording.
+    /// Place of each input of the recording.
     pub inputs: Vec<Place>,
-    /// Of each output of the recording: where the input of the same name lies; of a report, a place of its own.
+    /// Place of each output of the recording: that of the input of the same name; reports have places of their own.
     pub outputs: Vec<Place>,
     slots: [Slots; 7],
 }

@@ -162,7 +162,7 @@ impl PeriodProgram {
     }
 }
 
-/// Of each node whether it follows from the robot's parameters alone.
+/// Tells of each node whether it follows from the robot's parameters alone.
 fn of_parameters(period: &PeriodGraph) -> Vec<bool> {
     let mut steady: Vec<bool> = Vec::with_capacity(period.graph.nodes.len());
     for node in &period.graph.nodes {

@@ -32,7 +32,7 @@ pub struct Source {
     pub home: Vec<u32>,
     /// Regions; those dissolved have neither guard nor turns and are nobody's home.
     pub regions: Vec<SourceRegion>,
-    /// What was asked for.
+    /// Nodes of the outputs.
     pub outputs: Vec<u32>,
     /// Whether an output needs the node.
     pub live: Vec<bool>,

@@ -21,13 +21,13 @@ const MAX_SHOWN_BYTES: usize = 256 << 20;
 pub struct Measured {
     /// Samples at the beginning of each recording that do not count.
     pub skip: usize,
-    /// Of each dimension: the samples that count, of all recordings, ascending.
+    /// Samples that count, of all recordings, dimension by dimension, each ascending.
     pub sorted: Vec<f64>,
     /// `recordings × samples × dimensions`; what is behind a recording's end is not looked at.
     pub samples: Vec<f64>,
 }
 
-/// What of a candidate is computed.
+/// The part of a cost that is computed of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
     /// Wasserstein-1 distances of pooled samples.
@@ -39,9 +39,9 @@ pub enum Compared {
 /// What a candidate's cost is made of.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts {
-    /// Of each recording: the sample of the fall, or the number of samples.
+    /// Sample of the fall in each recording, or the number of samples.
     pub ends: Vec<u32>,
-    /// Of each dimension of the signals, unscaled.
+    /// Distance or sum of squares of each dimension of the signals, unscaled.
     pub pieces: Vec<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What of candidates goes to the GPU.
+//! Numbers of candidates that go to the GPU.
 
 use std::borrow::Cow;
 

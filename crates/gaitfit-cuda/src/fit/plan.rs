@@ -75,7 +75,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of `sizes.candidates` candidates on the recordings of `tables`.
+    /// The plan of `sizes.candidates` candidates on the recordings of `tables`.
     pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
         let environments = sizes.environments();
         let logs = tables.earlier.is_some();

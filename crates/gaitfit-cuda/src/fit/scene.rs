@@ -34,12 +34,12 @@ pub struct Structure {
     pub networks: Vec<(NetworkKind, Vec<usize>)>,
     /// Whether torques disturb the joints.
     pub disturbed: bool,
-    /// What of the model they keep.
+    /// Parameters that they keep from the model.
     pub kept: Kept,
 }
 
 impl Structure {
-    /// Of a candidate.
+    /// The structure of a candidate.
     pub fn new(candidate: &Candidate) -> Self {
         let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
         Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::from_robot(&candidate.robot) }
@@ -132,11 +132,11 @@ impl Subject<'_> {
     }
 }
 
-/// What is simulated as the kernels see it.
+/// A subject as the kernels see it.
 pub struct Scene<'a> {
-    /// What is simulated.
+    /// The subject of the simulation.
     pub subject: Subject<'a>,
-    /// Its physics.
+    /// The physics of its control period.
     pub period: &'a Period,
     pub(super) spots: Spots,
     /// Places of all parameters.

@@ -34,7 +34,7 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Of robots that follow `scripts` under `policy`.
+    /// Tables of robots that follow `scripts` under `policy`.
     ///
     /// # Errors
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
@@ -129,7 +129,7 @@ impl Tables {
         }
     }
 
-    /// Of clamped robots that are given their recordings' targets.
+    /// Tables of clamped robots that are given their recordings' targets.
     ///
     /// # Errors
     /// A robot that cannot be stepped.

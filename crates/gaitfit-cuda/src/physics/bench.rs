@@ -16,7 +16,7 @@ use super::{Batch, DeviceError, Period, PeriodOptions};
 use crate::emit::EmitOptions;
 use crate::runtime::{Device, Event, Stream};
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct PhysicsBench {
     /// Solver effort.
@@ -35,7 +35,7 @@ pub struct PhysicsBench {
     pub repetitions: usize,
 }
 
-/// What was measured.
+/// Results of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.
@@ -253,7 +253,7 @@ fn time(
     Ok(times)
 }
 
-/// As a GPU has them.
+/// Parameters in single precision, as a GPU has them.
 fn rounded(mut params: Params<f64>) -> Params<f64> {
     params.visit_mut(|_, number| *number = f64::from(*number as f32));
     params

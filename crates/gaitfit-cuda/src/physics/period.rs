@@ -37,9 +37,9 @@ pub struct Period {
     pub(crate) graph: PeriodGraph,
     pub(super) shared: PeriodProgram,
     pub(super) layout: Layout,
-    /// Of each number that networks remember, whether it is one of those asked for.
+    /// Whether each number that networks remember is of a network asked for.
     pub(crate) memory: Vec<bool>,
-    /// Of each weight of networks, likewise.
+    /// Whether each weight of networks is of a network asked for.
     pub(super) weights: Vec<bool>,
     /// Parameters that are constants of the program.
     pub(super) fixed: Vec<(Slot, f64)>,

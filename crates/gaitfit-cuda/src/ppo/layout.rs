@@ -29,7 +29,7 @@ pub struct TooWide {
 pub(super) struct NetLayout {
     /// Widths of input, hidden layers and output.
     pub widths: Vec<usize>,
-    /// The same, padded.
+    /// The widths, padded to what the matrix units take at a time.
     pub padded: Vec<usize>,
     /// How far apart a layer's rows lie in shared memory, numbers.
     pub apart: Vec<usize>,
@@ -80,14 +80,14 @@ fn sum(m: usize, n: usize, columns: usize) -> usize {
     (((m / 16) * (columns / 32) + n / 32) * 4 + n % 32 / 8) * 128 + thread * 4 + number
 }
 
-/// The same of bf16 (mma.m16n8k16): 16 × 16 at a time, of which thread 4 g + t holds rows 2 t, 2 t + 1, 2 t + 8 and
+/// [`factor`] in bf16 (mma.m16n8k16): 16 × 16 at a time, of which thread 4 g + t holds rows 2 t, 2 t + 1, 2 t + 8 and
 /// 2 t + 9 of columns g and g + 8.
 fn factor_bf16(k: usize, n: usize, columns: usize) -> usize {
     let (thread, pair) = (n % 8 * 4 + k % 8 / 2, n % 16 / 8 * 2 + k % 16 / 8);
     (k / 16 * (columns / 16) + n / 16) * 256 + thread * 8 + pair * 2 + k % 2
 }
 
-/// The same of bf16: 16 × 8 at a time, first the upper 8 rows, then the lower.
+/// [`sum`] in bf16: 16 × 8 at a time, first the upper 8 rows, then the lower.
 fn sum_bf16(m: usize, n: usize, columns: usize) -> usize {
     let half = (m / 16 * (columns / 8) + n / 8) * 2 + m % 16 / 8;
     half * 64 + m % 8 * 8 + n % 8

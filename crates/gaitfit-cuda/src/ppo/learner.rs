@@ -25,10 +25,10 @@ pub struct Learner {
     arrays: Vec<Storage>,
     kernels: Vec<(&'static str, Kernel)>,
     stream: Stream,
-    /// What needs not wait runs here, between these marks.
+    /// Work that need not wait runs here, between these marks.
     aside: Stream,
     marks: [Event; 2],
-    /// Of several GPUs: after what this one says in an exchange.
+    /// With several GPUs: the mark after what this one writes for an exchange.
     said: Event,
     /// The update, in parts between which GPUs tell each other numbers; empty until it is first run.
     graphs: Vec<Graph>,

@@ -16,7 +16,7 @@ const ROWS: [usize; 2] = [64, 32];
 const ROWS_BF16: [usize; 5] = [192, 128, 96, 64, 32];
 /// Samples of a block that only looks ahead: in a rollout there are few, for all multiprocessors.
 const FORESEEN_BF16: [usize; 2] = [64, 32];
-/// What a tile costs besides its samples, in samples.
+/// Cost of a tile besides its samples, in samples.
 const TILE_COST: usize = 32;
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
@@ -33,7 +33,7 @@ pub(super) struct Text {
     pub rows: usize,
     /// Bytes of shared memory of the large kernel.
     pub shared: usize,
-    /// The same of the kernel that looks ahead.
+    /// Samples of a tile, and bytes of shared memory, of the kernel that looks ahead.
     pub foreseen: usize,
     pub foreseen_shared: usize,
 }

@@ -36,7 +36,7 @@ pub struct Packed {
     pub returns: Vec<f32>,
     /// Last rows of the actor, environment by environment; empty without past frames.
     pub past: Vec<f32>,
-    /// The same of the critic.
+    /// Last rows of the critic, likewise.
     pub critic_past: Vec<f32>,
     /// Ways on generated ground, a row a number; empty without.
     pub ways: Vec<f32>,

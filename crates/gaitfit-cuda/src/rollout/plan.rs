@@ -27,7 +27,7 @@ const CONTROL: usize = 16;
 pub(super) const THREADS: u32 = 32;
 /// Threads of each environment at the end of a step: each computes some of the reward's terms.
 pub(super) const FINISH_PARTS: u32 = 4;
-/// The same of what is recorded, a thread a number.
+/// Threads of a block where each thread records a number.
 const RECORDERS: u32 = 128;
 
 /// Numbers of a base in the array `motion`: position, orientation, velocity, rates.
@@ -287,23 +287,23 @@ impl Plan {
         Launch { shape: Shape::new(u32::try_from(self.tallies).unwrap_or(1), 256), ..launch }
     }
 
-    /// Of steps one by one: reads the caller's actions, the array `mean`.
+    /// In [`Mode::Steps`]: reads the caller's actions, the array `mean`.
     pub fn take(&self) -> Launch {
         let launch = self.launch("take_actions", None, &["mean", "action", "refused"]);
         Launch { shape: Shape::cover(self.environments * self.actions, 256), ..launch }
     }
 
-    /// The same: before the physics.
+    /// In [`Mode::Steps`]: the launches before the physics.
     pub fn before(&self, tiles: usize) -> Vec<Launch> {
         [Some(self.begin()), Some(self.act(0)), self.disturb(0, tiles)].into_iter().flatten().collect()
     }
 
-    /// The same: after the physics.
+    /// In [`Mode::Steps`]: the launches after the physics.
     pub fn after(&self) -> Vec<Launch> {
         vec![self.finish(0), self.total(), self.next(), self.observe(0)]
     }
 
-    /// The same: new episodes for the environments that the array `chosen` marks.
+    /// In [`Mode::Steps`]: new episodes for the environments that the array `chosen` marks.
     pub fn restart(&self) -> Vec<Launch> {
         let arrays = [
             "chosen",
@@ -324,12 +324,12 @@ impl Plan {
         vec![self.launch("restart", None, &arrays), self.next(), observe]
     }
 
-    /// The same: the step of the environments that the array `chosen` marks belongs to no episode.
+    /// In [`Mode::Steps`]: the step of the environments that the array `chosen` marks belongs to no episode.
     pub fn clear(&self) -> Launch {
         self.launch("clear_step", None, &["chosen", "reward", "ends"])
     }
 
-    /// The same: how all robots move, into the array `motion`.
+    /// In [`Mode::Steps`]: writes the motion of all robots into the array `motion`.
     pub fn motion(&self) -> Launch {
         let arrays = ["robot_state", "robot_params", "robot_report", "motion"];
         let launch = self.launch("write_motion", None, &arrays);

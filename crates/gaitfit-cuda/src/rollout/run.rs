@@ -48,7 +48,7 @@ impl Planned {
         Ok(Self { period, plan })
     }
 
-    /// Its programs.
+    /// The programs that it compiles: the physics, and the other kernels.
     pub fn programs(&self) -> [Program; 2] {
         [self.period.program(), self.plan.program.clone()]
     }

@@ -15,7 +15,7 @@ use crate::ppo::check_networks;
 use crate::spots::{Spot, Spots};
 use crate::words::unobserved;
 
-/// What rollouts are for.
+/// Purpose of rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// A training learns from them.
@@ -41,7 +41,7 @@ pub struct Sizes {
     pub gamma: f64,
     /// Numbers that the critic remembers of an environment.
     pub remembered: usize,
-    /// What they are for.
+    /// Purpose of the rollouts.
     pub mode: Mode,
 }
 

@@ -20,7 +20,7 @@ use crate::runtime::{Device, Event, Graph};
 /// same weights; see [`crate::ppo::update_together`].
 pub struct Trainer<'a> {
     devices: Vec<Device>,
-    /// Of each GPU its part of the robots, and its learner.
+    /// Each GPU's part of the robots, and its learner.
     rollouts: Vec<Rollout<'a>>,
     learners: Vec<Learner>,
     graphs: Vec<Graph>,
@@ -296,7 +296,7 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// What is said of the first of the `robots` that diverged.
+    /// The error that names the first of the `robots` that diverged.
     fn diverged(&self, robots: usize) -> Result<TrainingError, RolloutError> {
         let each = self.each();
         let [mut steps, mut terms] = [Vec::new(), Vec::new()];

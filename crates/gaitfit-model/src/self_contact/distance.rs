@@ -1,4 +1,4 @@
-//! How far apart two parts are at given joint angles.
+//! Distance of two parts at given joint angles.
 
 use super::SelfPair;
 use crate::kinematics::Frame;

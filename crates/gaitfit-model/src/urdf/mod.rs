@@ -38,7 +38,7 @@ struct Link {
     body: BodySpec,
     /// Index of the joint that holds it.
     held_by: Option<usize>,
-    /// Its inertia cannot be.
+    /// Its inertia, if no body can have it.
     impossible: Option<Impossible>,
 }
 

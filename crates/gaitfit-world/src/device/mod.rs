@@ -1,4 +1,4 @@
-//! What computes.
+//! The device that computes: the processor or a GPU.
 
 #[cfg(feature = "cuda")]
 mod gpu;
@@ -91,7 +91,7 @@ impl Device {
         }
     }
 
-    /// What computes, one line to begin with.
+    /// Names the device in a line that a command prints first.
     pub fn line(self) -> String {
         let Some(number) = self.gpu() else { return "device cpu".to_owned() };
         let name = gpu::name(number).map(|name| format!(", {name}"));

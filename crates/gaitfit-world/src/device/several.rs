@@ -76,7 +76,7 @@ impl Devices {
         self.0.chunks_exact(each).take(groups).map(|group| Self(group.to_vec())).collect()
     }
 
-    /// Those that are in a group.
+    /// The devices that are in a group.
     #[must_use]
     pub fn in_groups(&self, seeds: usize) -> Self {
         Self(self.groups(seeds).into_iter().flat_map(|group| group.0).collect())

@@ -55,7 +55,7 @@ pub fn fit_feet(model: &mut Model, anew: bool) -> Vec<Added> {
     added
 }
 
-/// The same in the pose `angles` (rad, model order), with the number of legs.
+/// [`fit_feet`] in one pose, `angles` (rad, model order); returns the number of legs too.
 fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let limbs = limbs(model);
@@ -120,7 +120,7 @@ fn limbs(model: &Model) -> Vec<Limb> {
 /// Points of a limb's surface, in world axes, with the body of each.
 struct Sight {
     points: Vec<(usize, Vec3)>,
-    /// Where they are from, in words.
+    /// Source of the points, in words.
     source: String,
     guess: bool,
 }

@@ -59,9 +59,9 @@ pub struct Gains {
     pub substeps: usize,
     /// Rotor inertia where the robot's own file has none.
     pub rotors: Option<Rotors>,
-    /// Where they are from.
+    /// Source of the gains, in words.
     pub how: String,
-    /// What is odd about them.
+    /// Doubts about the gains, a sentence each.
     pub doubts: Vec<String>,
 }
 
@@ -78,7 +78,7 @@ pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
     position.then(|| [gear * actuator.gain, gear * (-actuator.bias[2]).max(0.0) + 0.0])
 }
 
-/// What gains are chosen by.
+/// The quantities from which gains are chosen.
 struct Chooser<'a> {
     model: &'a Model,
     anatomy: &'a Anatomy,
@@ -90,7 +90,7 @@ struct Chooser<'a> {
     leg: f64,
     /// Largest command forward, m/s.
     forward: f64,
-    /// What each joint feels in the air, kg·m² or kg.
+    /// Inertia that each joint feels in the air, kg·m² or kg.
     inertia: Vec<f64>,
     /// Torque of a usual motor of hinges, N·m, and force of one of slides, N.
     usual_effort: [Option<f64>; 2],

@@ -124,18 +124,18 @@ const VARIED: usize = 64;
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Guess {
-    /// What it is about.
+    /// Subject of the guess, one word.
     pub what: &'static str,
-    /// What was found, and how.
+    /// The result, and how it was found.
     pub found: String,
 }
 
-/// What is known of a robot that is to walk.
+/// A first task for a robot, and what `init` knows of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// All settings of the task.
     pub settings: TaskSettings,
-    /// What was found or guessed, most important first.
+    /// Results and guesses, most important first.
     pub guesses: Vec<Guess>,
     /// Whether the robot file has elliptic cones.
     elliptic: bool,

@@ -12,7 +12,8 @@ const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent
 /// stand nearly straight.
 const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
-/// The same share below which a keyframe has folded legs: the robot lies. Unitree's own B2 has 0.2, standing robots 0.6 or more.
+/// Share of the straight leg's length below which a keyframe has folded legs: the robot lies. Unitree's own B2 has
+/// 0.2, standing robots 0.6 or more.
 const FOLDED: f64 = 0.35;
 /// Legs that the file draws shorter than this share are folded.
 const DRAWN_SHORT: f64 = 0.6;
@@ -36,7 +37,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Where it is from.
+    /// Source of the pose, in words.
     pub fn how(&self) -> String {
         match &self.keyframe {
             Some(name) => format!("keyframe `{}`", shown(name)),
@@ -158,7 +159,7 @@ pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) 
 struct Chain {
     /// Joints that turn about the sideways axis, from the hip on.
     pitch: Vec<usize>,
-    /// Those of them that do not follow others.
+    /// Joints of `pitch` that do not follow others.
     free: Vec<usize>,
     /// Length of the straight leg, m: to the foot, or to the ankle where the foot lies flat.
     reach: f64,
@@ -167,7 +168,7 @@ struct Chain {
 }
 
 impl Chain {
-    /// Of a leg with the joints at `frames`; `None` of one that does not bend, or has no length.
+    /// Reads a leg with its joints at `frames`; `None` if it does not bend, or has no length.
     fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
         let sideways = |joint: &usize| {
             // Within 45° of the sideways axis.
@@ -209,7 +210,7 @@ fn axis(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
     rotate(frames[hinge.body].quaternion, hinge.axis)
 }
 
-/// Where a joint is, m, world axes.
+/// Position of a joint's anchor, m, world axes.
 fn anchor(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
     frames[model.joints[joint].body].point(model.joints[joint].pos)
 }

@@ -13,9 +13,9 @@ const BIPED_SPREAD: f64 = 10.0;
 /// A guess at the rotor inertia of every joint, kg·m².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
-    /// That of the nominal robot.
+    /// Rotor inertia of the nominal robot, kg·m².
     pub smallest: f64,
-    /// The largest in training.
+    /// Largest rotor inertia in training, kg·m².
     pub largest: f64,
     /// Whether the robot's file has the smallest already, because `init` wrote it there.
     pub in_file: bool,

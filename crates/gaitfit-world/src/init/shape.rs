@@ -37,7 +37,7 @@ pub struct Fitted {
     pub pos: Vec3,
     /// Its orientation, wxyz.
     pub quat: Quat,
-    /// What it is, in words.
+    /// Kind of shape, in words.
     pub what: &'static str,
 }
 

@@ -17,7 +17,7 @@ const ASIDE: f64 = 0.2;
 pub struct Sizes {
     /// Mass.
     pub mass: f64,
-    /// Of free fall.
+    /// Acceleration of free fall.
     pub gravity: f64,
     /// From hip to ground in the pose.
     pub leg: f64,
@@ -31,7 +31,7 @@ pub struct Sizes {
     pub turning: f64,
     /// Why the robot gets no commands to the side; `None` if it does.
     pub never_aside: Option<&'static str>,
-    /// What is odd about them.
+    /// A doubt about these sizes, one sentence.
     pub doubt: Option<String>,
 }
 

@@ -8,7 +8,7 @@ use gaitfit_learn::task::reward::TERMS;
 use gaitfit_model::{JointKind, Model};
 use std::fmt::Write as _;
 
-/// Iterations of a robot on two legs: it takes longer to learn.
+/// Iterations of a training on two legs, which takes longer than one on four.
 const BIPED_ITERATIONS: u32 = 2000;
 /// Share of zero commands of a robot on two legs. With the built-in share, three of five trainings of a G1 drifted when they were
 /// to stand.
@@ -178,7 +178,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     text
 }
 
-/// What is one number for all joints: small enough for slides, whose unit is m.
+/// Settings that are one number for all joints: small enough for slides, whose unit is m.
 fn for_slides(text: &mut String) {
     let like = |value: f64| float(tidy(JointKind::Slide.like("rad", value)));
     let _ = writeln!(text, "\n[task.start]");
@@ -188,7 +188,7 @@ fn for_slides(text: &mut String) {
     line(text, "joint_velocity", like(1.5), "half range: rad/s for hinges, m/s for slides");
 }
 
-/// When the robot has fallen, how robots differ, and pushes.
+/// Writes the limits of a fall, the randomisation and the pushes.
 fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes, gains: &Gains) {
     let _ = writeln!(text, "\n[task.fall]");
     let contacts = list(anatomy.base_geoms.iter().map(|&geom| quoted(&model.geoms[geom].name)));
@@ -219,7 +219,7 @@ fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &
     line(text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
 }
 
-/// What the file lets touch of the robot itself, as a comment: it is off unless asked for.
+/// Writes, as a comment, the self-contact that the file permits: it is off unless a task asks for it.
 fn own_parts(text: &mut String, model: &Model) {
     let (all, known) = model.self_contact_of_file();
     if known > 0 {

@@ -32,7 +32,7 @@ pub struct Plan {
     pub launches: Vec<Launch>,
     /// The launches of the update that need none of those before them. They come before the first exchange.
     pub apart: std::ops::Range<usize>,
-    /// Of several GPUs: what they tell each other, in order; none of one.
+    /// Exchanges between several GPUs, in order; empty for one GPU.
     pub exchanges: Vec<Exchange>,
 }
 
