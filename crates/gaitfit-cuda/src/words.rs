@@ -54,13 +54,13 @@ impl Words {
     }
 }
 
-/// What to say of an activation that the kernels do not know.
+/// Words for the activation, for a message, if the kernels do not know it.
 pub(crate) fn unknown(activation: Activation) -> Option<String> {
     let known = matches!(activation, Activation::Elu | Activation::Relu | Activation::Tanh);
     (!known).then(|| format!("the activation {activation}"))
 }
 
-/// What to say of an observation that the kernels do not write.
+/// Words for a policy with this layout, for a message, if the kernels do not write one of its observations.
 pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
     let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
     let quantity = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;

@@ -3,7 +3,7 @@
 use crate::{Draws, peak};
 use std::time::{Duration, Instant};
 
-/// What reading one damaged file may take.
+/// Bounds of memory and time for reading one damaged file.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Bytes that the reader's thread may hold at a time.

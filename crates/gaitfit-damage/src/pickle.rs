@@ -19,7 +19,7 @@ const NAMES: &[&str] = &[
 ];
 const TEXTS: &[&str] = &["dq", "joint_names", "q_des", "kp", "kd", "cmd", "quat", "storage", ""];
 
-/// Most objects that a program remembers: their numbers are one byte.
+/// Max number of objects that a program remembers: their numbers are one byte.
 const MAX_KNOWN: usize = 250;
 
 /// A program that makes a dictionary: times and positions of twelve joints, then up to `entries` others, which are made of
@@ -151,8 +151,7 @@ impl Program {
                 }
                 self.out.push(b'd');
             }
-            // A class whose name is two long texts.
-            // STACK_GLOBAL takes module and name from the stack.
+            // A class named by two long texts: STACK_GLOBAL takes module and name from the stack.
             7 => self.out.extend(b"h\0h\0\x93"),
             8 => self.array(
                 draws.one::<&str>(&["<f8", ">f8", "<i8", "S8", "<U2"]),

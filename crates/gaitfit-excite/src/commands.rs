@@ -22,7 +22,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Fewest and most candidates.
+/// Min and max number of candidates.
 const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
 /// Max number of samples of all candidates together: a sample takes about a kilobyte, so these take 2 GB.
 const MAX_ROWS: f64 = 2e6;

@@ -41,14 +41,14 @@ pub struct Chirp {
     pub joints: Vec<Swept>,
     /// Root mean square of the differences that the expected deviations hold for, where the robot's range is 2.
     pub difference: f64,
-    /// What a fit of a log of this chirp can tell.
+    /// How well a fit of a log of this chirp can tell each parameter.
     pub parameters: Vec<ParameterSensitivity>,
     /// Where gains, pose and limits are from, and what to know before playing it.
     pub notes: Vec<String>,
     /// Files by name.
     #[serde(skip)]
     pub files: Vec<(&'static str, String)>,
-    /// What the robot of the file would measure.
+    /// Log that the robot of the file would record.
     #[serde(skip)]
     pub expected: gaitfit_log::Trajectory,
 }

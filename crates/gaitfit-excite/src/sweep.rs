@@ -70,7 +70,7 @@ impl Sweep {
         }
     }
 
-    /// The same pose without motion, for as long as robots need to settle.
+    /// A sweep that holds the same pose without motion, for as long as robots need to settle.
     pub fn at_rest(&self) -> Self {
         let still = |joint: &JointSweep| JointSweep { turn: None, amplitude: 0.0, ..*joint };
         // 2 s.

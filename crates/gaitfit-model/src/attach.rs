@@ -70,7 +70,7 @@ fn assembled(
             _ => section.clone(),
         });
     }
-    // What comes along follows the file's own elements.
+    // Elements that come with attached models follow the file's own.
     whole.children.extend(std::mem::take(&mut attacher.sections));
     Ok(whole)
 }

@@ -115,7 +115,7 @@ pub(crate) fn check_inertia(
             "give a mass and principal moments of zero or more",
         ));
     }
-    // Of any body A + B − C = 2 ∫ z² dm, which is not negative.
+    // Every body has A + B − C = 2 ∫ z² dm, which is not negative.
     if a + b < c || a + c < b || b + c < a {
         if !balance {
             return Err(ctx.invalid(

@@ -45,7 +45,7 @@ impl Default for JointForm {
     }
 }
 
-/// What a `<joint>` turned out to be.
+/// Result of reading a `<joint>`.
 pub(crate) enum Finished {
     Moving(Box<Joint>),
     Free(FreeJoint),

@@ -21,7 +21,7 @@ const DUMMY_RADIUS: f64 = 0.02;
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
 const MIN_MASS: f64 = 1e-15;
 
-/// What a geom says of its mass.
+/// A geom's mass or density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Weight {
     /// kg.

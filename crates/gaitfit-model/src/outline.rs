@@ -33,11 +33,11 @@ pub struct Outline {
     pub quat: Quat,
     /// Whether the file lets it collide.
     pub colliding: bool,
-    /// What it is.
+    /// Its shape.
     pub form: Form,
 }
 
-/// What an outline is.
+/// The shape of an outline.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
     /// A simple shape.

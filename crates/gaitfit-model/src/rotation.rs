@@ -229,7 +229,8 @@ pub fn from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat {
     let (m00, m10, m20) = (x[0], x[1], x[2]);
     let (m01, m11, m21) = (y[0], y[1], y[2]);
     let (m02, m12, m22) = (z[0], z[1], z[2]);
-    // Each case begins with the component that is large there, so that no difference of nearly equal numbers is used.
+    // Each case computes a multiple of the quaternion by a component that is large there, so that little is lost to
+    // rounding.
     let q = if m00 + m11 + m22 > 0.0 {
         [1.0 + m00 + m11 + m22, m21 - m12, m02 - m20, m10 - m01]
     } else if m00 > m11 && m00 > m22 {

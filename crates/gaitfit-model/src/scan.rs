@@ -215,7 +215,7 @@ mod tests {
         assert!(check("<!-- --><a/>", 1, &mut nodes).is_err());
     }
 
-    /// What looks like tags in comments, character data, instructions and values is none.
+    /// Text that looks like tags in comments, character data, instructions and values does not count.
     #[test]
     fn only_tags_count() {
         let many = "<a>".repeat(MAX_DEPTH + 1);

@@ -92,7 +92,7 @@ pub(crate) struct GeomSpec {
     pub mesh: Option<MeshFile>,
 }
 
-/// What a geom is.
+/// The shape of a geom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum GeomKind {
     /// Infinite plane.

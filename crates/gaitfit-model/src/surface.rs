@@ -169,7 +169,7 @@ impl SurfaceField {
         }
         let u = (local[0] + self.half_size[0]) / self.step[0];
         let v = (local[1] + self.half_size[1]) / self.step[1];
-        // What is no number becomes 0 as an index.
+        // NaN becomes 0 as an index.
         let (column, row) =
             ((u.max(0.0) as usize).min(self.columns - 2), (v.max(0.0) as usize).min(self.rows - 2));
         let (u, v) = (u - column as f64, v - row as f64);

@@ -11,7 +11,7 @@ use crate::picture;
 use crate::shown::{shown, shown_path};
 use crate::xml::Element;
 
-/// What of the world a pair's geom may touch.
+/// The part of the world that a pair's geom may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Ground {

@@ -167,7 +167,7 @@ impl World {
         if args.torque_noise > 0.0 {
             changes.push(format!("torque noise of {} N·m", args.torque_noise));
         }
-        // Of independent torques the variances add.
+        // Variances of independent torques add.
         for candidate in drawn.iter_mut().chain([&mut candidate]) {
             candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         }
@@ -299,7 +299,7 @@ mod tests {
 
     #[test]
     fn standing_still_is_off_by_the_mean_command() {
-        // Of the unit square's points the mean distance from a corner is (√2 + asinh 1) / 3.
+        // The mean distance of the unit square's points from a corner is (√2 + asinh 1) / 3.
         let corner = (2f64.sqrt() + 1f64.asinh()) / 3.0;
         assert!((standing_error(&command([-1.0, 1.0], [-1.0, 1.0], 0.0)) - corner).abs() < 1e-4);
         assert!((standing_error(&command([0.0, 2.0], [0.0, 0.0], 0.25)) - 0.75).abs() < 1e-9);

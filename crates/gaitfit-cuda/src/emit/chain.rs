@@ -99,7 +99,7 @@ impl<'a> Chains<'a> {
             };
             for operand in inner {
                 let operand = operand as usize;
-                // What was made in another region stands for itself, for it is made at another time.
+                // A number that is made in another region stays a term of its own: it is made at another time.
                 let inside = node.op == Op::Merge && node.args[1] as usize == operand;
                 let together = inside || source.home[operand] == source.home[index];
                 if together && chains.uses[operand] == 1 && chains.kinds[operand] == kind {

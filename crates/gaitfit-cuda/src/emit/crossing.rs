@@ -96,7 +96,7 @@ impl Crossing {
         used
     }
 
-    /// What a loop hands on from guarded regions to guarded regions.
+    /// Finds the numbers that a loop hands on from guarded regions to guarded regions.
     fn find_held(&mut self, program: &Program, uses: &[(u32, Option<u32>, u32)]) {
         for (index, region) in program.regions.iter().enumerate() {
             let Kind::Loop { carried, .. } = &region.kind else { continue };

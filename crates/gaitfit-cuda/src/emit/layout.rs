@@ -22,11 +22,11 @@ pub enum Class {
     Params,
     /// Sent targets: read, and the newest written where modifications correct it.
     Targets,
-    /// What modifications remember: read and written.
+    /// Memory of modifications: read and written.
     Memory,
     /// Weights of modifications, one set a candidate.
     Weights,
-    /// What the last physics step shows: written only.
+    /// Report of the last physics step: written only.
     Report,
     /// Torques that disturb the joints: all tiles of the first physics step, then of the next.
     Disturbance,

@@ -77,7 +77,7 @@ impl Default for EmitOptions {
     }
 }
 
-/// What an input or output is, without its number in a list.
+/// Meaning of an input or output, without its number in a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Name {
     State(Slot),
@@ -124,7 +124,8 @@ impl PeriodProgram {
         let owned = Lanes::new(&whole, &Chains::new(&whole), &masks)?.mask;
         let steady = of_parameters(period);
         let source = Source::new(&period.graph, |guard| {
-            // What a robot lacks it lacks all the time, and so do its neighbours: the branch is never taken apart.
+            // A guard that follows from parameters alone tells what a robot lacks. Its neighbours lack the same, so
+            // threads never take different branches.
             if steady[guard as usize] {
                 return 0;
             }

@@ -2,7 +2,7 @@
 
 use gaitfit_physics::trace;
 
-/// What a node computes from its operands.
+/// The operation of a node on its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
     /// A constant, as the bits of its `f64`.

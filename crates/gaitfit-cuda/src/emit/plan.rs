@@ -23,7 +23,7 @@ pub struct Item {
     pub args: [u32; 4],
 }
 
-/// What a loop hands on: items of the first value and of that at the end of a turn.
+/// A number that a loop hands on: items of its first value and of its value at the end of a turn.
 #[derive(Clone, Copy, Debug)]
 pub struct Handed {
     /// In the first turn.
@@ -46,7 +46,7 @@ pub struct Plan {
     pub items: Vec<Item>,
     /// Constants that differ by lane.
     pub table: Vec<Vec<f64>>,
-    /// What each loop hands on, by its region.
+    /// Numbers that each loop hands on, by its region.
     pub handed: HashMap<u32, Vec<Handed>>,
     /// Items of the outputs, as they were asked for.
     pub outputs: Vec<u32>,

@@ -75,7 +75,7 @@ pub(super) struct Writer<'a> {
     text: String,
     pub(super) depth: usize,
     pub(super) crossing: Crossing,
-    /// What has been read, of every open block, and whether the block begins afresh.
+    /// Numbers that each open block has read, and whether the block begins afresh.
     pub(super) read: Vec<(bool, BTreeSet<u32>)>,
     /// Open regions.
     open: Vec<u32>,
@@ -123,7 +123,7 @@ impl<'a> Writer<'a> {
         let _ = writeln!(self.text, "{:indent$}{text}", "");
     }
 
-    /// What stands for a node in an expression; what is read late is read before, unless it has been.
+    /// Text of a node in an expression. Writes the reading of a number that is read late, unless it has been read.
     pub(super) fn operand(&mut self, node: u32) -> String {
         let (node, minus) = self.bare(node);
         if self.read_late(node) || self.room(node).is_some() {

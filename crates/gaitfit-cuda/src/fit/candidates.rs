@@ -36,7 +36,7 @@ pub enum Compared {
     Squares,
 }
 
-/// What a candidate's cost is made of.
+/// Parts of a candidate's cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts {
     /// Sample of the fall in each recording, or the number of samples.
@@ -111,7 +111,7 @@ impl Candidates {
         Ok(())
     }
 
-    /// What the cost of each job is made of; `compared` says what of each. Before it [`Candidates::measure`].
+    /// Computes the parts of each job's cost that `compared` asks for. [`Candidates::measure`] must be called before.
     ///
     /// # Errors
     /// Candidates that cannot be simulated; a failure of the GPU; [`FitError::Cancelled`].
@@ -123,7 +123,7 @@ impl Candidates {
         cancel: &dyn Fn() -> bool,
     ) -> Result<Vec<Parts>, FitError> {
         let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
-        // Of a robot that walks the base is not compared by distances.
+        // The base of a robot that walks is not compared by distances.
         let by_distance = match subject {
             // The last six: position and velocity.
             Subject::Walk(..) => dimensions.saturating_sub(6),

@@ -16,7 +16,7 @@ use crate::spots::{Spot, Spots, input_spots};
 /// a fit has few environments.
 const LANES: usize = 4;
 
-/// What is simulated of candidates.
+/// Kind of simulation that candidates are compared in.
 #[derive(Clone, Copy)]
 pub enum Subject<'a> {
     /// A policy walks on them.
@@ -27,7 +27,7 @@ pub enum Subject<'a> {
     Replay(&'a Replay),
 }
 
-/// What candidates have besides parameters of the robot. Those of one program share it.
+/// The parts of candidates besides parameters of the robot. Candidates of one program share them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
     /// Kinds and joints of the networks.

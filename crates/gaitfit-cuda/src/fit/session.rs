@@ -115,7 +115,7 @@ impl Session {
         let plan = Plan::new(&scene, &tables, sizes(rows));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
         let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
-        // Fewer robots of a block need less shared memory; 4 is the least that the kernel takes.
+        // A block of fewer robots needs less shared memory; 4 is the least that the kernel takes.
         let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(4)) } else { plan };
         if too_wide(&plan) {
             return Err(FitError::TooWide { needed: plan.shared(), rows: 4, available });

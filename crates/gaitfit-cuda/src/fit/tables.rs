@@ -1,4 +1,4 @@
-//! What recordings give to the simulated robots, as the kernels' arrays.
+//! Data of recordings that simulated robots follow, as the kernels' arrays.
 
 use gaitfit_physics::{State, compile};
 use gaitfit_policy::Policy;
@@ -14,7 +14,7 @@ use crate::words::{unknown, unobserved};
 /// Numbers of the base's orientation (a quaternion) and rates.
 const IMU_SIGNALS: usize = 7;
 
-/// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
+/// Data of recordings that simulated robots follow. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
     /// Samples of each recording.

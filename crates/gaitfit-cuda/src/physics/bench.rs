@@ -40,7 +40,7 @@ pub struct PhysicsBench {
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.
     pub substeps_per_second: f64,
-    /// The same, best repetition.
+    /// Environment substeps per second of the best repetition.
     pub best_substeps_per_second: f64,
     /// Threads of an environment.
     pub lanes: usize,

@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 64;
 /// Threads that a multiprocessor runs at once, for a step takes all registers that a thread may have (255 of 65,536).
 const THREADS_PER_PROCESSOR: usize = 256;
 
-/// What a period's program is for.
+/// Settings of a period's program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeriodOptions {
     /// Physics steps in the period.
@@ -27,8 +27,7 @@ pub struct PeriodOptions {
 }
 
 /// Max number of operations of a program for two threads an environment: text much longer than this does not fit the
-/// GPU's cache
-/// of instructions, nor its numbers the registers.
+/// GPU's cache of instructions, nor its numbers the registers.
 const LONGEST_FOR_TWO: usize = 6000;
 
 /// The program of one robot's control period.
@@ -161,7 +160,7 @@ impl Period {
         self.sensors
     }
 
-    /// What the program takes, in the recording's order.
+    /// Inputs of the program, in the recording's order.
     pub fn inputs(&self) -> impl Iterator<Item = &Input> {
         self.graph.inputs.iter()
     }

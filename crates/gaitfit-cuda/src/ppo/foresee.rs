@@ -4,7 +4,7 @@ use super::learner::Learner;
 use crate::runtime::{Argument, Buffer, CudaError, Stream};
 
 impl Learner {
-    /// What the actor and the critic remember of each environment, a row an environment as
+    /// Memories of the actor and the critic in each environment, a row an environment as
     /// [`gaitfit_policy::network::Memory::append_row`] gives it; empty without memories.
     ///
     /// # Errors

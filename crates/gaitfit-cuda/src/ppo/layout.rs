@@ -97,7 +97,7 @@ impl NetLayout {
     /// For products of this precision.
     pub(super) fn new(shape: &Shape, precision: Precision) -> Self {
         let bf16 = precision == Precision::Bf16;
-        // What columns are a multiple of, what rows are further apart than they are long, numbers of a word.
+        // Columns are a multiple of `align`; rows are `gap` numbers further apart than they are long.
         let (align, gap, per_word) = if bf16 { (16, 8, 2) } else { (32, 0, 1) };
         let (factor, sum): (Place, Place) = if bf16 { (factor_bf16, sum_bf16) } else { (factor, sum) };
         let layers = shape.layers();
@@ -110,7 +110,7 @@ impl NetLayout {
             places.push(end);
             end += width;
         }
-        // What a network gives is in f32, and where the numbers are others, behind them.
+        // The output of a network is in f32: behind the others, where those are in bf16.
         let given = if bf16 { apart.last().copied().unwrap_or(0) } else { 0 };
         let bytes = (end / per_word + given) * size_of::<f32>();
         // Each matrix lies there twice, for the way forth and transposed for the way back: the matrix units read both

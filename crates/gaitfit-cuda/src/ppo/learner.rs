@@ -333,7 +333,7 @@ impl Learner {
         &self.stream
     }
 
-    /// What the update is made of.
+    /// The plan of the update.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }

@@ -10,7 +10,7 @@ use crate::runtime::Program;
 use crate::words::unknown;
 use gaitfit_policy::network::RecurrentShape;
 
-/// What the update's plan must know of a GPU.
+/// Properties of a GPU that the update's plan must know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Multiprocessors.

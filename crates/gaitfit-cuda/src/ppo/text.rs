@@ -11,7 +11,7 @@ use crate::runtime::Program;
 /// Threads of a block of the large kernel.
 pub(super) const THREADS: usize = 512;
 /// Numbers of samples that a block works on together, best first; the first that fits into shared memory is taken. In
-/// bf16 the one with the smallest cost is.
+/// bf16, of those that fit, the cheapest is taken.
 const ROWS: [usize; 2] = [64, 32];
 const ROWS_BF16: [usize; 5] = [192, 128, 96, 64, 32];
 /// Samples of a block that only looks ahead: in a rollout there are few, for all multiprocessors.

@@ -32,7 +32,7 @@ const RECORDERS: u32 = 128;
 
 /// Numbers of a base in the array `motion`: position, orientation, velocity, rates.
 pub(super) const BASE_NUMBERS: usize = 13;
-/// What observations are made from, and where they go.
+/// Arrays that observations are made from, and those that they go to.
 const OBSERVED: [&str; 13] = [
     "control",
     "robot_state",
@@ -49,8 +49,8 @@ const OBSERVED: [&str; 13] = [
     "critic_observation",
 ];
 
-/// What kernels are told before a rollout: number of the first step, the seed, the ranges of commands (forward, left, yaw
-/// rate), and the number of the first environment.
+/// Numbers that kernels read before a rollout: number of the first step, the seed, the ranges of commands (forward,
+/// left, yaw rate), and the number of the first environment.
 pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environment: u32) -> Vec<u32> {
     let words = |number: u64| [number as u32, (number >> 32) as u32];
     let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
@@ -172,7 +172,7 @@ impl Plan {
         self.launch("begin_rollout", None, &["tally", "cut"])
     }
 
-    /// What is recorded before step `step`, where walks are.
+    /// The launch that records before step `step`, where walks are recorded.
     pub fn record(&self, step: usize) -> Option<Launch> {
         let arrays = ["robot_state", "robot_params", "robot_memory", "imu", "command", "records"];
         let launch = self.launch("record", Some(step), &arrays);
@@ -191,7 +191,7 @@ impl Plan {
         ["begin_rollout"].into_iter().chain(record).chain(others).chain(stepwise).collect()
     }
 
-    /// What actor and critic see before step `step`.
+    /// The launch that writes the observations of actor and critic before step `step`.
     pub fn observe(&self, step: usize) -> Launch {
         self.columns(self.launch("observe", Some(step), &OBSERVED), self.terms[0] + self.terms[1])
     }
@@ -261,7 +261,7 @@ impl Plan {
         launch
     }
 
-    /// What the critic sees after the last step.
+    /// The launch that writes the critic's observations after the last step.
     pub fn observe_end(&self) -> Launch {
         let arrays = [
             "robot_state",

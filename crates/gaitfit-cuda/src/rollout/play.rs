@@ -51,7 +51,7 @@ pub(super) struct Play<'a> {
     first: u32,
 }
 
-/// What the policy did in some steps, each array `steps × environments × width`.
+/// Record of some steps of the policy, each array `steps × environments × width`.
 pub(super) struct Played {
     /// Actions, a row an environment.
     pub action: Vec<f32>,
@@ -160,7 +160,7 @@ impl<'a> Play<'a> {
         Ok(self.rollout.bases(self.learner.stream())?)
     }
 
-    /// What was recorded before these steps, of [`Mode::Logs`]; `steps × environments ×`
+    /// Records of [`Mode::Logs`] before these steps; `steps × environments ×`
     /// [`gaitfit_learn::collect::sensed_width`].
     ///
     /// # Errors

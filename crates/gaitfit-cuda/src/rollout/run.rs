@@ -25,7 +25,7 @@ pub struct Rollout<'a> {
     kernels: Vec<(&'static str, Kernel)>,
 }
 
-/// What a rollout runs, before a GPU has it.
+/// Programs and launches of a rollout, before a GPU has them.
 pub struct Planned {
     period: Arc<Period>,
     plan: Plan,
@@ -342,7 +342,7 @@ impl<'a> Rollout<'a> {
         }
     }
 
-    /// What the learner's memories forget after a step.
+    /// Lets the learner's memories forget episodes that ended in a step.
     fn forget(&self, stream: &Stream, learner: &Learner, step: usize) -> Result<(), CudaError> {
         let argument = |name: &str| self.storage(name).map(|storage| storage.argument());
         match (argument("cut"), argument("tail_memory")) {

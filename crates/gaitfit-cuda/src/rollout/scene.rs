@@ -159,7 +159,7 @@ impl<'a> Scene<'a> {
         }
         // Episodes also end at the edge of generated ground.
         let left = usize::from(self.task.course.is_some());
-        // Episodes of full length have room for so many ends by time within a rollout.
+        // So many episodes of full length can end by time within a rollout.
         self.sizes.steps.div_ceil(self.episode_steps() as usize) + left
     }
 

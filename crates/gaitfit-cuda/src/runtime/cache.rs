@@ -87,7 +87,7 @@ impl Cache {
     /// Keeps a program and deletes what is too much.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// A failure of the file system.
     pub fn write(&self, key: &str, image: &Image) -> std::io::Result<()> {
         fs::create_dir_all(&self.folder)?;
         let mut file = tempfile::Builder::new().prefix(".new-").tempfile_in(&self.folder)?;

@@ -335,7 +335,7 @@ fn wait_after_each() -> bool {
 /// too few or too small arguments reads zeros and not foreign memory.
 struct Packed {
     pointers: Vec<*mut c_void>,
-    /// What the pointers point to.
+    /// The values that the pointers point to.
     _values: Vec<[u8; 8]>,
 }
 

@@ -19,7 +19,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Those of this process.
+    /// Places for this process: from its environment variables, and the usual folders.
     pub fn of_process() -> Self {
         let variable =
             |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);

@@ -63,8 +63,7 @@ impl Quadric {
         let edge = sub(ends[1], ends[0]);
         let length = dot(edge, edge);
         let away = sub(solved, middle);
-        // A point farther from the middle than the edge is long is not used.
-        // False for NaN too.
+        // A point farther from the middle than the edge is long is not used, nor is one that is NaN.
         let near = dot(away, away) <= length;
         let point = if near { solved } else { middle };
         let error: f64 =
@@ -242,7 +241,7 @@ impl<'a> Work<'a> {
             let alive = &self.alive;
             self.faces[end as usize].retain(|&face| alive[face as usize]);
         }
-        // What was offered for either end counts no more.
+        // Offers of edges at either end are out of date: those in the queue have an older number.
         self.changes[kept] = self.changes[kept].wrapping_add(1);
         self.changes[gone] = self.changes[gone].wrapping_add(1);
         for end in about {

@@ -77,7 +77,7 @@ pub fn read(path: &Path) -> Result<Mesh, MeshError> {
 /// Reads the bytes of a mesh file with the ending `ending`, in small letters.
 ///
 /// # Errors
-/// What is wrong with them.
+/// The fault of the bytes.
 pub fn parse(ending: &str, bytes: &[u8]) -> Result<Mesh, ContentError> {
     let triangles = match ending {
         "stl" => stl::read(bytes)?,

@@ -29,10 +29,10 @@ const MAX_NAMES: usize = 6;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum SelfContact {
-    /// None.
+    /// No pairs.
     #[default]
     Off,
-    /// Those that the robot file lets touch.
+    /// Pairs that the robot file lets touch.
     File,
     /// The last moving part of every limb, with those of other limbs.
     Limbs,
@@ -111,7 +111,7 @@ pub struct SelfPair {
     pub margin: f64,
 }
 
-/// What a file says about the robot's own shapes.
+/// A file's rules for contacts between the robot's own shapes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parts {
     parts: Vec<Part>,

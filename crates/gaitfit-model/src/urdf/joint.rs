@@ -115,7 +115,7 @@ pub(super) fn read_joint(
     }))
 }
 
-/// What the children of a `<joint>` say.
+/// Values that the children of a `<joint>` give.
 struct Parts {
     /// Parent and child link.
     ends: [Option<usize>; 2],

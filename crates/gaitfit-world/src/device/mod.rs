@@ -75,14 +75,14 @@ impl Device {
         }
     }
 
-    /// The same device, as if `auto` had found it.
+    /// This device, marked as found by `auto`.
     #[must_use]
     pub fn as_found(self) -> Self {
         self.gpu().map_or(Self::Cpu, Self::Found)
     }
 
-    /// What simulates this many trajectories: of a GPU that `auto` found, the processor where they are few, for the programs'
-    /// compilation takes longer.
+    /// Device that simulates this many trajectories. If `auto` found a GPU, the processor simulates few of them,
+    /// because compiling the GPU's programs takes longer.
     #[must_use]
     pub fn for_trajectories(self, count: usize) -> Self {
         match self {
@@ -138,7 +138,7 @@ impl Device {
     /// This device, if it trains what is asked for; the processor, and why, if `auto` found a GPU that does not.
     ///
     /// # Errors
-    /// Of a GPU that was asked for, what it does not do.
+    /// A task that the GPU cannot do, if a GPU was asked for.
     pub fn for_training(
         self,
         scene: &Task,

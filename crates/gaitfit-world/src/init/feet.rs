@@ -21,7 +21,7 @@ const BASE_SHARE: f64 = 0.9;
 pub struct Added {
     /// Name of the geom.
     pub geom: String,
-    /// What it is and what it was fitted to.
+    /// Its shape, and the geometry that it was fitted to.
     pub how: String,
     /// Whether it is a guess without a mesh.
     pub guess: bool,
@@ -63,7 +63,7 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
         let geoms = model.pairs.iter().map(|pair| pair.geom);
         geoms.filter(|&geom| limb.bodies.contains(&model.geoms[geom].body)).collect()
     };
-    // What there is of each limb: its own geoms, else its outlines, else what its inertia suggests.
+    // Points of each limb are from its own geoms, else from its outlines, else from the box that its inertia suggests.
     let sights: Vec<(f64, Option<Sight>)> = limbs
         .iter()
         .map(|limb| {
@@ -196,8 +196,8 @@ impl Sight {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
         let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
-        // A box guessed from inertia shows nothing of a wheel's rim.
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
+        // A box guessed from inertia shows nothing of a wheel's rim.
         if turns && !self.guess {
             let frame = &frames[last.body];
             let axis = rotate(frame.quaternion, last.axis);

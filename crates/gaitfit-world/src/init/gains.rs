@@ -24,11 +24,11 @@ const STEP: f64 = 0.005;
 const PERIOD: f64 = 0.02;
 /// Max number of physics steps in a control period: steps of 1 ms.
 const MAX_SUBSTEPS: f64 = 20.0;
-/// Most of kp h²/I and of kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
+/// Largest kp h²/I and kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
 /// joint shakes in the simulation. The Go2's calves have 0.4 and 1.6.
 const STIFFEST: f64 = 1.0;
 const THICKEST: f64 = 1.6;
-/// The same of held joints. Smaller, because a limb has many of them and their eigenvalues add up (see [`substeps`]).
+/// The same for held joints: smaller, because a limb has many of them and their eigenvalues add up (see [`substeps`]).
 const HELD_STIFFEST: f64 = 0.1;
 const HELD_THICKEST: f64 = 0.2;
 /// How far a held joint sags under what hangs on it, rad.

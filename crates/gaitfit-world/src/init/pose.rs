@@ -122,8 +122,8 @@ fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
         let (slide, at) = (&model.joints[joint], foot(model, leg, &frames));
         let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
         let rise = slide.axis_at(&frames[slide.body]).lever(at)[2];
-        // A slide that points more sideways than up does not lift the foot.
         let by = (1.0 - LIFTED) * (hip[2] - at[2]);
+        // A slide that points more sideways than up does not lift the foot.
         if rise.abs() > 0.5 {
             angles[joint] = within(slide, angles[joint] + by / rise);
             return;

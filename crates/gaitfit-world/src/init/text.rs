@@ -308,7 +308,7 @@ fn steps_or_stands() -> String {
 /// Reward terms that pay for steps, or fine a foot that moves on the ground.
 const OF_STEPS: [&str; 5] = ["gait", "air_time", "swing_height", "step_clock", "foot_slip"];
 
-/// What a policy on two legs observes: a clock says which foot is to be up.
+/// Observations of a policy on two legs: a clock tells which foot is to be up.
 const BIPED_TERMS: &str = "\
     { quantity = \"base_angular_velocity\", scale = [0.25] },
     { quantity = \"projected_gravity\" },

@@ -107,9 +107,8 @@ impl Arrays {
             *sizes;
         let widest = widths.observation.max(widths.critic_observation);
         let share = batch.share.count;
-        // Of one GPU there are none.
+        // A single GPU needs none.
         let mut shares = |names: [&'static str; 2], length: usize| {
-            // One GPU has nobody to tell.
             let length = if share > 1 { length } else { 0 };
             [m.array(names[0], Kind::F64, length), m.array(names[1], Kind::F64, share * length)]
         };

@@ -26,7 +26,7 @@ pub(super) struct Memory {
     minibatches: usize,
     chunks: usize,
     gpus: usize,
-    /// Of several GPUs: this one's gradient, in turn, and the gradients of all.
+    /// With several GPUs: this one's gradient, two arrays that steps take in turn, and the gradients of all.
     own_shares: [Value; 2],
     shares: Value,
     /// Robots in the order of the minibatches, of every epoch.
@@ -50,7 +50,7 @@ struct Net {
     offset: usize,
     observation: Value,
     scale: Value,
-    /// What it remembers of each environment, and what it remembered before the rollout.
+    /// Its state in each environment, and its state before the rollout.
     state: Value,
     start: Value,
     /// The first layer's input.
@@ -69,7 +69,7 @@ struct Layer {
     derivative: Value,
 }
 
-/// What goes through a memory.
+/// Sequences that go through a memory.
 struct Run {
     steps: usize,
     robots: usize,
@@ -208,7 +208,7 @@ impl Memory {
         self.unit
     }
 
-    /// What the networks take, and where its derivatives go.
+    /// Arrays that the networks take as input, and those that its derivatives go to.
     pub(super) fn seen(&self) -> [[Value; 2]; 2] {
         // A shape has at least one layer.
         self.nets
@@ -400,7 +400,7 @@ impl Memory {
         launch("memory_reduce", shape, &[&numbers[..], &arrays].concat())
     }
 
-    /// Of several GPUs: this one's gradient, and those of all.
+    /// With several GPUs: the arrays of this one's gradient and of the gradients of all.
     pub(super) fn shares(&self, turn: usize) -> [Value; 2] {
         [self.own_shares[turn], self.shares]
     }

@@ -90,7 +90,7 @@ fn word(value: usize) -> Value {
     Value::U32(u32::try_from(value).unwrap_or(u32::MAX))
 }
 
-/// What the plan is made for.
+/// Settings and sizes that the plan is made for.
 pub(in crate::ppo) struct Task<'a> {
     pub settings: &'a Settings,
     pub widths: Widths,
@@ -179,12 +179,12 @@ impl Plan {
         Some((launch, [4, 8]))
     }
 
-    /// What memories do before [`Plan::foresee`] of a rollout's step; nothing without them.
+    /// Launches of the memories before [`Plan::foresee`] of a rollout's step; empty without memories.
     pub fn remember(&self, step: usize) -> Vec<Launch> {
         self.memory.as_ref().map(|memory| memory.step(step)).unwrap_or_default()
     }
 
-    /// What the critic's memory does before [`Plan::foresee_values`] of `environments` rows of states from number
+    /// Launches of the critic's memory before [`Plan::foresee_values`] of `environments` rows of states from number
     /// `part · environments` on, and places of arguments: the states, of the first launch, and what is remembered before
     /// them, of all. The first part begins with what is remembered now.
     pub fn remember_tail(&self, part: usize) -> Option<(Vec<Launch>, [usize; 2])> {

@@ -16,7 +16,7 @@ pub(super) struct Sizes {
     pub actions: usize,
     /// Steps and environments.
     pub batch: Batch,
-    /// What minibatches are made of, samples or with a memory robots, and the rows of each.
+    /// Number of units that minibatches are made of (samples; with a memory, robots), and the rows of each.
     pub units: usize,
     pub unit_rows: usize,
     /// Passes over the samples, and steps of the gradient in each.

@@ -11,7 +11,7 @@ pub(super) struct Update<'a> {
     pub settings: &'a Settings,
     pub sizes: Sizes,
     pub arrays: Arrays,
-    /// What stands before the networks.
+    /// Memories before the networks.
     pub memory: Option<Memory>,
     /// Takes the launches.
     pub maker: Maker,
@@ -101,7 +101,7 @@ impl Update<'_> {
         self.maker.launch("advantages", Shape::new(1, 1024), &arguments);
     }
 
-    /// Of several GPUs: normalises the advantages of all.
+    /// With several GPUs: normalises the advantages of all.
     pub(super) fn normalise_together(&mut self) {
         let (a, count, rows) = (self.arrays, self.sizes.batch.share.count, self.sizes.rows);
         if count > 1 {
@@ -150,7 +150,7 @@ impl Update<'_> {
         }
     }
 
-    /// What the networks take, and its factors and offsets: observations, or what memories give.
+    /// Inputs of the networks, observations or outputs of memories, with their factors and offsets.
     fn taken(&self) -> (Value, Value, Value) {
         match &self.memory {
             None => (self.arrays.observation, self.arrays.critic_observation, self.arrays.scale),
@@ -165,7 +165,7 @@ impl Update<'_> {
     /// the weights.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
-        // Of several GPUs one may still read what another has said in the step before.
+        // With several GPUs, one may still read what another wrote in the step before: two arrays take turns.
         let turn = (epoch * sizes.minibatches + minibatch) % 2;
         let [actor, critic] = sizes.blocks;
         let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
