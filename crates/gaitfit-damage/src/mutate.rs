@@ -12,6 +12,7 @@ pub fn bytes(file: &[u8], draws: &mut Draws) -> Vec<u8> {
         }
         let length = out.len();
         let at = match draws.below(4) {
+            // Formats keep their headers at the beginning and tables of contents at the end.
             0 => draws.below(length.min(256)),
             1 => length - 1 - draws.below(length.min(256)),
             // Databases have pages of such sizes.

@@ -12,6 +12,7 @@ use crate::runtime::CudaError;
 pub(super) const LEARNING_RATE: usize = 0;
 pub(super) const STEPS: usize = 1;
 const FAULT: usize = 5;
+/// The fault of samples that are not finite: beyond the numbers of the culprits below, which count from 1.
 const FAULT_SAMPLES: f64 = 100.0;
 
 /// The report of an update. It is the same on all GPUs, but for samples that are not finite.

@@ -96,6 +96,7 @@ impl Update<'_> {
             self.maker.launch("advantages_share", Shape::new(1, 1024), &arguments);
             return;
         }
+        // One block needs no exchange between blocks: the means come first, then the sums of squares about them.
         let normalise = word(usize::from(settings.normalise_advantage));
         let arguments = [word(self.sizes.rows), normalise, a.advantage, a.returns, a.value, a.state];
         self.maker.launch("advantages", Shape::new(1, 1024), &arguments);
