@@ -31,6 +31,7 @@ impl Words {
 
     fn rows_in(&mut self, memory: &str, kind: &str, name: &str, mut rows: Vec<String>) {
         if rows.is_empty() {
+            // C has no arrays without entries.
             rows.push(if kind == "int" || kind == "float" { "0".into() } else { "{}".into() });
         }
         let _ = writeln!(self.text, "{memory} {kind} {name}[] = {{{}}};", rows.join(", "));
@@ -53,13 +54,13 @@ impl Words {
     }
 }
 
-/// What to say of an activation that the kernels do not know.
+/// Words for the activation, for a message, if the kernels do not know it.
 pub(crate) fn unknown(activation: Activation) -> Option<String> {
     let known = matches!(activation, Activation::Elu | Activation::Relu | Activation::Tanh);
     (!known).then(|| format!("the activation {activation}"))
 }
 
-/// What to say of an observation that the kernels do not write.
+/// Words for a policy with this layout, for a message, if the kernels do not write one of its observations.
 pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
     let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
     let quantity = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
@@ -67,10 +68,12 @@ pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
 }
 
 pub(crate) fn single(value: f32) -> String {
+    // C has no literal for infinity: the largest finite number stands for it.
     format!("{:?}f", value.clamp(f32::MIN, f32::MAX))
 }
 
 pub(crate) fn double(value: f64) -> String {
+    // As above.
     format!("{:?}", value.clamp(-1e300, 1e300))
 }
 

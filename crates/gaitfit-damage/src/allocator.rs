@@ -1,4 +1,4 @@
-//! How much memory a thread takes.
+//! An allocator that counts the memory of each thread.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -54,7 +54,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// What `work` gives, and the maximum of the bytes that this thread held at a time beyond those that it held before.
+/// Result of `work`, and the maximum of the bytes that this thread held at a time beyond those that it held before.
 /// 0 bytes where the program's allocator is not [`Counting`].
 pub fn peak<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = LIVE.with(|live| {

@@ -3,7 +3,7 @@
 use crate::{Draws, peak};
 use std::time::{Duration, Instant};
 
-/// What reading one damaged file may take.
+/// Bounds of memory and time for reading one damaged file.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Bytes that the reader's thread may hold at a time.
@@ -12,7 +12,7 @@ pub struct Bounds {
     pub time: Duration,
 }
 
-/// How readings ended.
+/// Result of reading many damaged files.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Outcome {
     /// Files that were read in spite of their damage.
@@ -50,6 +50,7 @@ pub fn attack(
 ) -> Outcome {
     let mut outcome = Outcome::default();
     for round in 0..rounds {
+        // The seed is the file's number, so that the number in a message is enough to repeat a failure.
         let file = damaged(&mut Draws::new(round as u64));
         let witness = Witness(name, round);
         let start = Instant::now();

@@ -12,6 +12,7 @@ pub fn bytes(file: &[u8], draws: &mut Draws) -> Vec<u8> {
         }
         let length = out.len();
         let at = match draws.below(4) {
+            // Formats keep their headers at the beginning and tables of contents at the end.
             0 => draws.below(length.min(256)),
             1 => length - 1 - draws.below(length.min(256)),
             // Databases have pages of such sizes.
@@ -21,8 +22,10 @@ pub fn bytes(file: &[u8], draws: &mut Draws) -> Vec<u8> {
         let end = (at + 1 + draws.below(64)).min(length);
         match draws.below(8) {
             0 => out[at] ^= 1 << draws.below(8),
+            // Bounds of signed and unsigned bytes.
             1 => out[at] = *draws.one(&[0, 1, 0x7f, 0x80, 0xff]),
             2 => out[at] = draws.below(256) as u8,
+            // Eight bytes: a whole length, offset or double.
             3 => out[at..(at + 8).min(length)].fill(*draws.one(&[0, 0xff])),
             4 => out.truncate(at),
             5 => drop(out.drain(at..end)),
@@ -93,6 +96,7 @@ pub fn framed(file: &[u8], head: usize, draws: &mut Draws) -> Vec<u8> {
                 let to = draws.below(records.len());
                 records.swap(at, to);
             }
+            // MCAP's kinds of records are 1 to 15.
             3 => records[at].0 = draws.below(16) as u8,
             _ => records[at].1 = bytes(&records[at].1, draws),
         }
@@ -103,6 +107,7 @@ pub fn framed(file: &[u8], head: usize, draws: &mut Draws) -> Vec<u8> {
         out.extend((content.len() as u64).to_le_bytes());
         out.extend(content);
     }
+    // What follows the last whole record, such as a trailer, stays.
     out.extend(rest);
     out
 }

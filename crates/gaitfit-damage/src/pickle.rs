@@ -19,12 +19,13 @@ const NAMES: &[&str] = &[
 ];
 const TEXTS: &[&str] = &["dq", "joint_names", "q_des", "kp", "kd", "cmd", "quat", "storage", ""];
 
-/// Most objects that a program remembers: their numbers are one byte.
+/// Max number of objects that a program remembers: their numbers are one byte.
 const MAX_KNOWN: usize = 250;
 
 /// A program that makes a dictionary: times and positions of twelve joints, then up to `entries` others, which are made of
 /// each other. One instruction in sixty is wild.
 pub fn pickle(entries: usize, draws: &mut Draws) -> Vec<u8> {
+    // PROTO 4.
     let mut program = Program { out: vec![0x80, 4], known: 0 };
     // Objects that others are made of, remembered under their numbers: a large text, large bytes, a type, a shape, small ones.
     for (code, size) in [(b'X', 2048u32), (b'B', 2048)] {
@@ -42,7 +43,9 @@ pub fn pickle(entries: usize, draws: &mut Draws) -> Vec<u8> {
         program.out.extend(object);
         program.remember();
     }
+    // POP: the objects stay in the memo, and the stack is empty again.
     program.out.extend(std::iter::repeat_n(b'0', program.known));
+    // EMPTY_DICT and MARK: what follows are keys and values until SETITEMS.
     program.out.extend(b"}(");
     let rows = 2 + draws.below(4);
     program.text("time");
@@ -63,6 +66,7 @@ pub fn pickle(entries: usize, draws: &mut Draws) -> Vec<u8> {
             program.wild(draws);
         }
     }
+    // SETITEMS and STOP.
     program.out.extend(b"u.");
     program.out
 }
@@ -76,21 +80,25 @@ struct Program {
 impl Program {
     fn remember(&mut self) {
         if self.known < MAX_KNOWN {
+            // BINPUT
             self.out.extend([b'q', self.known as u8]);
             self.known += 1;
         }
     }
 
     fn get(&mut self, number: usize) {
+        // BINGET
         self.out.extend([b'h', number as u8]);
     }
 
     fn text(&mut self, text: &str) {
+        // SHORT_BINUNICODE
         self.out.extend([0x8c, text.len() as u8]);
         self.out.extend(text.bytes());
     }
 
     fn dtype(&mut self, kind: &str) {
+        // GLOBAL, and below TUPLE1 and REDUCE: a call with one argument.
         self.out.extend(b"cnumpy\ndtype\n");
         self.text(kind);
         self.out.extend(b"\x85R");
@@ -122,6 +130,7 @@ impl Program {
                 self.out.push(b'(');
                 let same = any(draws, self);
                 (0..draws.below(100)).for_each(|_| self.get(same));
+                // LIST, TUPLE or FROZENSET of what follows the MARK.
                 self.out.push(*draws.one(b"lt\x91"));
             }
             4 => {
@@ -142,7 +151,7 @@ impl Program {
                 }
                 self.out.push(b'd');
             }
-            // A class whose name is two long texts.
+            // A class named by two long texts: STACK_GLOBAL takes module and name from the stack.
             7 => self.out.extend(b"h\0h\0\x93"),
             8 => self.array(
                 draws.one::<&str>(&["<f8", ">f8", "<i8", "S8", "<U2"]),

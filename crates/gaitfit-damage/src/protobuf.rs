@@ -39,6 +39,7 @@ fn fields(mut rest: &[u8], depth: usize) -> Option<Vec<(u64, Field)>> {
             rest = after;
             Some(taken.to_vec())
         };
+        // Wire types: 0 varint, 1 eight bytes, 2 length and content, 5 four bytes. 3 and 4 are deprecated groups.
         let field = match key % 8 {
             0 => Field::Number(number(&mut rest)?),
             1 => Field::Fixed(take(8)?),
@@ -47,6 +48,8 @@ fn fields(mut rest: &[u8], depth: usize) -> Option<Vec<(u64, Field)>> {
                 let length = usize::try_from(number(&mut rest)?).ok()?;
                 let (content, after) = rest.split_at_checked(length)?;
                 rest = after;
+                // Text may happen to read as a message. Damage then still keeps the lengths right, so that does no
+                // harm.
                 match fields(content, depth + 1).filter(|inner| depth < 8 && !inner.is_empty()) {
                     Some(inner) => Field::Message(inner),
                     None => Field::Bytes(content.to_vec()),
@@ -54,6 +57,7 @@ fn fields(mut rest: &[u8], depth: usize) -> Option<Vec<(u64, Field)>> {
             }
             _ => return None,
         };
+        // Field numbers begin at 1.
         if key / 8 == 0 {
             return None;
         }
@@ -99,6 +103,7 @@ fn change(field: &mut (u64, Field), donor: Option<(u64, Field)>, draws: &mut Dra
     }
     match &mut field.1 {
         Field::Number(value) => {
+            // Numbers at which lengths, counts and signs go wrong.
             *value = *draws.one(&[
                 0,
                 1,

@@ -11,18 +11,20 @@ use gaitfit_settings::{Error, robot};
 use gaitfit_sim::Recording;
 use indexmap::IndexMap;
 
-/// Speed limit of joints whose file says none, rad/s.
+/// Speed limit of joints whose file states none, rad/s: walking robots have 10 to 45.
 const SPEED: f64 = 10.0;
-/// How far joints without a range may go from the middle of their motion, in amplitudes.
+/// How far joints without a range may go from the middle of their motion, in amplitudes. Less the default margin, a
+/// motion may overshoot its target by a third.
 const ROOM: f64 = 1.5;
-/// Upper bounds of what is searched where no configuration states them, for a robot with the Go2's motors: kg·m²,
-/// N·m·s/rad, s.
+/// Upper bounds of the search where no configuration states them, for a robot with the Go2's motors: kg·m²,
+/// N·m·s/rad, s. They are narrower than those of `gaitfit new`, because the chirp must be safe on every robot within
+/// them.
 const ARMATURE: f64 = 0.1;
 const DAMPING: f64 = 1.0;
 const DELAY: f64 = 0.02;
-/// Where the gains of the built-in robot are from.
+/// Source of the gains of the built-in robot.
 const BUILT_IN: &str = "the gains of the built-in task";
-/// Names that a message lists.
+/// Max number of names that a message lists; it counts the others.
 const LISTED: usize = 4;
 
 /// A clamped robot, ready to move.
@@ -35,15 +37,15 @@ pub(super) struct Body {
     pub gains: Gains,
     /// Middle of the motion, rad.
     pub centre: Vec<f64>,
-    /// When each joint moves; none: never.
+    /// Turn in which each joint moves; `None`: it is held.
     pub turn: Vec<Option<usize>>,
     /// rad; rad/s; N·m.
     pub range: Vec<[f64; 2]>,
     pub velocity: Vec<f64>,
     pub torque: Vec<f64>,
-    /// What is fitted, and its bounds.
+    /// The fit: its parameters and their bounds.
     pub config: AdaptConfig,
-    /// What is known and guessed.
+    /// Where gains and limits come from, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -57,10 +59,10 @@ impl Body {
         if names.is_empty() {
             return Err(Error::failed(format!("{} has no joints to move", shown(&model.name))));
         }
-        // Its log is written last; before all else it is clear that it can be.
+        // Its log is written at the end. A name that a log cannot hold is refused now, before the simulations.
         gaitfit_log::check_names(Some(&model.name), &names)
             .map_err(|error| Error::content(&settings.robot, error))?;
-        // It hangs free.
+        // It hangs in the air: nothing of it may touch anything.
         (model.planes, model.obstacles, model.pairs) = Default::default();
         let named = |error| Error::settings(format!("`joints` (--joints): {error}"));
         let moved = match settings.joints.as_slice() {
@@ -115,7 +117,7 @@ impl Body {
             model,
             notes,
         };
-        // A robot whose joints are in no groups has numbers of each joint.
+        // A robot whose joints are in no groups gets a number for each joint.
         if settings.fit.is_none() && body.theta().is_err() {
             for rule in body.config.parameter.iter_mut().filter(|rule| rule.per == Sharing::Group) {
                 rule.per = Sharing::Joint;
@@ -171,7 +173,7 @@ impl Body {
     fn speeds(&mut self, settings: &ChirpSettings) {
         let mut bare = Vec::new();
         for (joint, name) in self.model.joints.iter().zip(&self.names) {
-            // What is given is rad/s.
+            // `velocity_limit` is in rad/s, so it does not hold for slides.
             let given = settings.velocity_limit.filter(|_| joint.kind.is_hinge());
             let limit = match (joint.velocity_limit, given) {
                 (Some(own), Some(given)) => own.min(given),
@@ -232,6 +234,8 @@ impl Body {
                     )));
                 }
                 None => {
+                    // The stance may lie near a limit: the middle moves away from it, so that the amplitude fits on
+                    // both sides.
                     let room = settings.amplitude.min(0.5 * (max - min)).max(0.0);
                     usual.max(min + room).min(max - room)
                 }
@@ -250,7 +254,7 @@ impl Body {
     }
 }
 
-/// What `config` fits of joints.
+/// Parameters of the joints that `config` fits.
 fn theta(config: &AdaptConfig, names: &[String]) -> Result<Theta, Error> {
     let mut rules = config.rules();
     (rules.network, rules.robot) = Default::default();
@@ -268,7 +272,8 @@ fn listed(names: &[String]) -> String {
     format!("{}{more}", shown.join(", "))
 }
 
-/// Gains: as given, as the fit has them, of the robot's task with where that has them from, or of its position actuators.
+/// Gains from the first of: the settings, the fit's configuration, the robot's task (with its source), and the
+/// position actuators of the file.
 fn gains(
     settings: &ChirpSettings,
     fit: Option<&AdaptConfig>,
@@ -321,7 +326,7 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
     let mut limits = Vec::new();
     let mut bare = Vec::new();
     for (at, joint) in model.joints.iter().enumerate() {
-        // What is given is N·m.
+        // `torque_limit` is in N·m, so it does not hold for slides.
         let given = settings.torque_limit.filter(|_| joint.kind.is_hinge());
         let limit = match (model.effort(at), given) {
             (Some(own), Some(given)) => own.min(given),
@@ -342,7 +347,7 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
     )))
 }
 
-/// When each joint moves.
+/// Turn in which each joint moves; `None` for joints that are held.
 fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
     let mut slots = vec![None; model.joints.len()];
     let mut limbs: Vec<usize> = Vec::new();
@@ -392,7 +397,7 @@ fn limb(model: &Model, body: usize) -> usize {
     std::iter::successors(Some(body), above).last().unwrap_or(body)
 }
 
-/// What is fitted where no configuration says it.
+/// The fit's configuration where the user gives none.
 fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
     let scale = choices::motor_scale(model);
     let joints = if !settings.joints.is_empty() {
@@ -410,6 +415,7 @@ fn usual(settings: &ChirpSettings, model: &Model) -> AdaptConfig {
         ..ParameterRule::new(kind)
     };
     let friction = choices::max_friction(model, JointKind::Hinge);
+    // At least twice the file's value: the robot of the file lies within the bounds.
     let armature =
         (ARMATURE * scale).max(choices::twice_file(model, JointKind::Hinge, |joint| joint.armature));
     let damping = (DAMPING * scale).max(choices::twice_file(model, JointKind::Hinge, |joint| joint.damping));

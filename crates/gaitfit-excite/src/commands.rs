@@ -22,19 +22,19 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Fewest and most candidates.
+/// Min and max number of candidates.
 const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
-/// Most samples of all candidates together: a robot takes about a kilobyte each.
+/// Max number of samples of all candidates together: a sample takes about a kilobyte, so these take 2 GB.
 const MAX_ROWS: f64 = 2e6;
-/// Sets of random sequences that the chosen ones are compared with.
+/// Number of random sets of sequences that the chosen ones are compared with.
 const RANDOM_SETS: u32 = 200;
-/// Times that variants of what was chosen are tried, and parts of the pool that they are.
+/// Number of rounds in which variants of the chosen sequences are tried, and the pool's size over that of a round.
 const ROUNDS: u32 = 2;
 const VARIANTS: usize = 4;
-/// Greatest commands over the task's, at most.
+/// Largest `reach`.
 const MAX_REACH: f64 = 10.0;
 
-/// What commands are for.
+/// Settings of the choice of commands.
 #[derive(Clone, Debug)]
 pub struct CommandSettings {
     /// Configuration of the fit of walking logs: what is fitted, and how. Its logs, if it names any, are those that there
@@ -55,7 +55,7 @@ pub struct CommandSettings {
     pub seconds: f64,
     /// Sequences to choose from at first; variants of the best are half as many more.
     pub pool: usize,
-    /// Greatest commands over those that the task draws.
+    /// Largest commands over the largest that the task draws.
     pub reach: f64,
     /// Standard deviation of random torques at every joint, N·m.
     pub torque_noise: f64,
@@ -72,7 +72,7 @@ pub struct Commands {
     pub robot: String,
     /// Candidates that were simulated.
     pub pool: usize,
-    /// Those that fell.
+    /// Number of candidates under which the robot fell, or whose simulation diverged.
     pub fell: usize,
     /// Length of the configuration's logs, s; absent if it names none.
     pub recorded_seconds: Option<f64>,
@@ -87,7 +87,7 @@ pub struct Commands {
     pub sequences: Vec<Sequence>,
 }
 
-/// What to expect of a parameter.
+/// Expected standard deviations of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Expected {
     /// Name.
@@ -136,7 +136,7 @@ fn configuration(settings: &CommandSettings) -> Result<(AdaptConfig, Option<Cost
     let distributions = stated.filter(|cost| *cost == CostKind::Wass);
     if distributions.is_some() {
         config.costs = vec![CostKind::MatchR(NonZeroUsize::MIN)];
-        // Only distributions show it.
+        // Only distributions show torque noise: costs that compare samples cannot fit it.
         config.number.retain(|rule| rule.kind != RobotNumber::TorqueNoise);
     }
     config.parameter.iter_mut().for_each(ParameterRule::resolve);
@@ -156,7 +156,7 @@ fn check_size(settings: &CommandSettings, control_dt: f64) -> Result<(), Error> 
     Ok(())
 }
 
-/// What the first walks show.
+/// Results of the first walks.
 struct FirstWalks {
     choice: Choice,
     /// Information of the sequences that are drawn as the task draws them.
@@ -175,6 +175,7 @@ impl FirstWalks {
         look: &Look<'_>,
         watch: &Watch<'_>,
     ) -> Result<Self, Error> {
+        // Half of the pool stands for the random commands that the chosen ones are compared with.
         let usual = settings.pool.div_ceil(2);
         let drawn = source.draw(settings.pool, usual);
         let logs = look.record(&drawn, 0, watch)?;
@@ -308,6 +309,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let mut chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
     for round in 1..=ROUNDS {
         let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
+        // Numbers beyond those of earlier sequences, so that no two share their draws.
         let first = settings.pool * (1 + round as usize);
         let variants = source.variants(&best, first, settings.pool / VARIANTS);
         let sensitivities = look.sensitivities(look.record(&variants, round, watch)?, &logs, watch)?;
@@ -404,6 +406,7 @@ fn usual_spread(
         let draws = Stream::new(settings.seed, Purpose::BOOTSTRAP).environment(set);
         let mut sum = known.clone();
         for draw in 0..settings.trajectories as u32 {
+            // With replacement, as in a bootstrap. The minimum below is for a draw that rounds up to 1.
             let at = (draws.uniform(draw) * random.len() as f64) as usize;
             sum.add(&random[at.min(random.len() - 1)], 1.0);
         }

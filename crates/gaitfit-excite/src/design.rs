@@ -6,11 +6,13 @@
 
 use super::information::Information;
 
-/// Part of the criterion by which an exchange must lower it.
+/// Smallest decrease of the criterion by an exchange. The criterion is a logarithm, so this is a share of the
+/// deviations.
 const PROGRESS: f64 = 1e-6;
-/// Most exchanges: each lowers the criterion, so there is an end to them.
+/// Max number of exchanges. Each lowers the criterion, so they end by themselves; this bounds the time.
 const EXCHANGES: usize = 1000;
-/// Logarithm of the deviation that stands for that of an entry that the logs do not identify: these are identified first.
+/// Logarithm of the deviation that stands for an entry that the logs do not identify, in place of infinity: a sum
+/// must show how many there are, so that sequences that identify one more win.
 const UNIDENTIFIED: f64 = 30.0;
 
 /// Logarithm of the geometric mean of the deviations of `entries`; an entry that is not identified counts as a huge one.

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Plays the targets on a robot, in MuJoCo, or not at all.
 const PLAYER: &str = include_str!("play.py");
-/// Where the script's numbers stand.
+/// Line of the script that the robot's numbers replace.
 const NUMBERS: &str = "CHIRP = {}";
 
 /// Files by name.
@@ -62,7 +62,19 @@ fn player(settings: &ChirpSettings, body: &Body) -> Result<String, Error> {
         "speed": column(&body.velocity),
         "torque": column(&body.torque),
     });
-    let numbers = serde_json::to_string_pretty(&numbers).map_err(Error::failed)?.replace("null", "None");
+    // A limit that a joint lacks is `null` in JSON, on a line of its own, and `None` in the script, which is Python.
+    let numbers: Vec<String> = serde_json::to_string_pretty(&numbers)
+        .map_err(Error::failed)?
+        .lines()
+        .map(|line| {
+            if line.trim_matches([' ', ',']) == "null" {
+                line.replace("null", "None")
+            } else {
+                line.to_owned()
+            }
+        })
+        .collect();
+    let numbers = numbers.join("\n");
     Ok(PLAYER.replacen(NUMBERS, &format!("CHIRP = {numbers}"), 1))
 }
 

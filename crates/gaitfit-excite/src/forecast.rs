@@ -1,4 +1,4 @@
-//! What a fit of a chirp's log will be able to tell.
+//! How precisely a fit of a chirp's log will identify the parameters.
 
 use super::body::Body;
 use super::settings::ChirpSettings;

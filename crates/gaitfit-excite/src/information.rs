@@ -3,7 +3,8 @@
 use gaitfit_adapt::fit::Sensitivity;
 use nalgebra::DMatrix;
 
-/// Added to the diagonal, in parts of it, so that parameters that logs do not identify have a large spread.
+/// Share of the diagonal that is added to it, so that parameters that logs do not identify get a large spread. The
+/// matrix is scaled to a unit diagonal first, so the share means the same in all units.
 const RIDGE: f64 = 1e-9;
 
 /// Information that logs have about `n` parameters. Logs add up. They may differ in how well they are predicted, which a fit by least
@@ -29,7 +30,7 @@ impl Information {
         Self { noise: &curvature * variance, curvature }
     }
 
-    /// Of `curvature`, with the variance 1.
+    /// The information of `curvature`, with the variance 1.
     #[cfg(test)]
     pub fn from_curvature(curvature: DMatrix<f64>) -> Self {
         Self { noise: curvature.clone(), curvature }
@@ -57,6 +58,7 @@ impl Information {
             curvature[(i, i)] += if seen { RIDGE } else { 1.0 };
             noise[(i, i)] += if seen { RIDGE * variance } else { 0.0 };
         }
+        // Rounding may leave a matrix that is not positive definite: then nothing is identified.
         let Some(solved) = curvature.cholesky() else { return vec![f64::INFINITY; count] };
         let inverse = solved.inverse();
         let covariance = &inverse * noise * &inverse;

@@ -41,14 +41,14 @@ pub struct Chirp {
     pub joints: Vec<Swept>,
     /// Root mean square of the differences that the expected deviations hold for, where the robot's range is 2.
     pub difference: f64,
-    /// What a fit of a log of this chirp can tell.
+    /// How well a fit of a log of this chirp can tell each parameter.
     pub parameters: Vec<ParameterSensitivity>,
     /// Where gains, pose and limits are from, and what to know before playing it.
     pub notes: Vec<String>,
     /// Files by name.
     #[serde(skip)]
     pub files: Vec<(&'static str, String)>,
-    /// What the robot of the file would measure.
+    /// Log that the robot of the file would record.
     #[serde(skip)]
     pub expected: gaitfit_log::Trajectory,
 }
@@ -66,17 +66,17 @@ pub struct Swept {
     pub top_hz: f64,
     /// Lowest and highest position, rad.
     pub position: [f64; 2],
-    /// Where it may be, rad, without the margin.
+    /// Range of the joint, rad, without the margin.
     pub range: [f64; 2],
     /// Largest speed, rad/s.
     pub velocity: f64,
-    /// Its limit, rad/s, without the margin.
+    /// Speed limit, rad/s, without the margin.
     pub velocity_limit: f64,
     /// Largest torque that the controller asks for, N·m.
     pub torque: f64,
-    /// Its limit, N·m, without the margin.
+    /// Torque limit, N·m, without the margin.
     pub torque_limit: f64,
-    /// What made the chirp smaller than asked for; absent if nothing did.
+    /// The limit that made the chirp smaller than asked for, and the robot that met it; absent if none did.
     pub limited_by: Option<String>,
 }
 

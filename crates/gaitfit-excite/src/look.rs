@@ -1,4 +1,4 @@
-//! What the logs of command sequences will tell, by walks in simulation, and what recorded ones do.
+//! How well logs identify the parameters: logs of command sequences, by walks in simulation, and recorded logs.
 
 use super::information::Information;
 use super::playlist::Sequence;
@@ -69,7 +69,7 @@ impl Look<'_> {
         Ok(templates.iter().zip(made.unwrap_or_default()).map(one).collect())
     }
 
-    /// The logs together, which give others their scaling.
+    /// Logs as one set, which gives others their scaling.
     pub fn together(&self, logs: Vec<Log>) -> Result<LogSet, Error> {
         LogSet::new(self.config, self.method, self.base, logs)
     }
@@ -134,6 +134,7 @@ impl Look<'_> {
         let walker = &self.robot.task.walker;
         let interface = &walker.interface;
         let (dt, joints) = (interface.control_dt, interface.joints.len());
+        // A log needs two samples.
         let samples = (self.seconds / dt).round().max(2.0) as usize;
         Trajectory {
             source: None,
@@ -159,7 +160,7 @@ impl Look<'_> {
 
 /// Logs that there are already.
 pub(super) struct OnRecord {
-    /// What they tell.
+    /// Their information about the parameters.
     pub information: Information,
     /// Their length, s.
     pub seconds: f64,
@@ -172,7 +173,7 @@ pub(super) fn variance(sensitivity: &Sensitivity) -> f64 {
     sensitivity.difference * sensitivity.difference * sensitivity.together
 }
 
-/// That the watch stopped it.
+/// The error of a run that the watch stopped.
 pub(super) fn interrupted() -> Error {
     Error::interrupted_with_nothing("interrupted; nothing was written")
 }

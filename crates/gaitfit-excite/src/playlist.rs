@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// The header.
 const COLUMNS: &str = "trajectory,time,vx_cmd,vy_cmd,wz_cmd";
-/// Most bytes of a file and most sequences in it.
+/// Max number of bytes of a file, and of sequences in it.
 const MAX_BYTES: u64 = 64 << 20;
 const MAX_SEQUENCES: usize = 100_000;
 /// Largest command, m/s or rad/s, and latest time, s.
@@ -24,6 +24,7 @@ pub struct Sequence {
 impl Sequence {
     /// The command at a time, s.
     pub fn at(&self, time: f64) -> [f64; 3] {
+        // A nanosecond of tolerance: times are multiples of a control period, with rounding.
         let next = self.steps.partition_point(|(begin, _)| *begin <= time + 1e-9);
         self.steps.get(next.saturating_sub(1)).map_or([0.0; 3], |(_, command)| *command)
     }

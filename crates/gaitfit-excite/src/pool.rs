@@ -4,18 +4,19 @@ use super::playlist::Sequence;
 use gaitfit_learn::task::CommandSettings as Ranges;
 use gaitfit_random::{Purpose, Stream};
 
-/// Times after which commands change, s: of quick sequences and of reversals.
+/// Periods of quick sequences and of reversals, s, in turn.
 const QUICK: [f64; 2] = [1.0, 0.5];
-/// Part of the greatest command of slow walks.
+/// Range of slow walks as shares of the greatest command. Slow and fast walks together separate dry friction, which
+/// goes with the sign of velocity, from damping, which goes with velocity itself.
 const SLOW: [f64; 2] = [0.05, 0.3];
-/// Part of a range by which a variant's commands differ, standard deviation.
+/// Standard deviation of a variant's commands about the original's, as a share of the range.
 const CHANGE: f64 = 0.15;
 /// Kinds of sequences beside the usual ones.
 const KINDS: usize = 5;
 
-/// What sequences are drawn from.
+/// The source of command sequences.
 pub(super) struct Pool<'a> {
-    /// As the task draws them.
+    /// Ranges from which the task draws commands.
     pub usual: &'a Ranges,
     /// Smallest and greatest command of the others, m/s ahead, m/s to the left, rad/s.
     pub ranges: [[f64; 2]; 3],
@@ -68,6 +69,7 @@ impl<'a> Pool<'a> {
 
     /// Steps of a sequence that changes every `period` s.
     fn steps(&self, period: f64) -> u32 {
+        // The subtraction takes rounding away: 4 s of 0.5 s are 8 steps, not 9.
         (self.seconds / period - 1e-9).ceil().max(1.0) as u32
     }
 
@@ -87,6 +89,7 @@ impl<'a> Pool<'a> {
     fn special(&self, number: usize, other: usize) -> Sequence {
         let draws = self.stream(number).step(2);
         let within = |[low, high]: [f64; 2], part: f64| low + (high - low) * part;
+        // Each command is the lower end, the middle or the upper end of its range.
         let ends = |offset: u32| {
             let end =
                 |k: usize| within(self.ranges[k], (3.0 * draws.uniform(offset + k as u32)).floor() / 2.0);

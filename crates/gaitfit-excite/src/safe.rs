@@ -15,24 +15,26 @@ use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, ReplayOptions};
 use std::num::NonZeroUsize;
 use std::sync::{Mutex, PoisonError};
 
-/// Longest physics step, s.
+/// Longest physics step, s: that of fits of legs in the air.
 const STEP: f64 = 0.0025;
-/// Kinds of parameters whose bounds are tried in all combinations.
+/// Kinds of parameters whose bounds are tried in all combinations: 4 kinds have 16 corners, each further one would
+/// double them.
 const CORNERED: usize = 4;
 /// Robots drawn within the bounds.
 const DRAWN: u32 = 15;
 /// Simulations before it is given up.
 const ROUNDS: usize = 60;
-/// How much smaller a chirp gets in one round, at most, and at least.
+/// Factors by which a chirp gets smaller in one round: the smallest, because torque is not proportional to the
+/// amplitude, and the largest, so that each round gets on.
 const SMALLEST: f64 = 0.4;
 const LARGEST: f64 = 0.97;
-/// What is left of the room after a step.
+/// Share of the limit that a step aims at: a little inside it.
 const INSIDE: f64 = 0.97;
-/// A chirp this much smaller than asked for is none.
+/// A chirp whose amplitude is below this share of the one asked for counts as none.
 const MIN_SHARE: f64 = 0.02;
-/// A top frequency is not lowered below this many first ones, nor below this part of what was asked for.
+/// A top frequency is not lowered below this share of the one asked for, nor below the first frequency.
 const SLOWEST: f64 = 0.25;
-/// How much of a step goes to the joints that carry a joint, or hang on it.
+/// Exponent of the factor for joints that carry the joint, or hang on it.
 const NEIGHBOUR: f64 = 0.3;
 
 /// A limit.
@@ -43,7 +45,7 @@ enum Limit {
     Torque,
 }
 
-/// What a robot does with a joint.
+/// Largest position, velocity and torque of a joint on one robot.
 #[derive(Clone, Debug, PartialEq)]
 struct Peak {
     /// Lowest and highest position, rad.
@@ -67,11 +69,11 @@ impl Peak {
     }
 }
 
-/// What the robots did.
+/// Results of one simulation of all robots.
 struct Played {
     /// The peaks of each joint of each robot, the file's last.
     peaks: Vec<Vec<Peak>>,
-    /// Positions and velocities of the robot as its file says.
+    /// Positions and velocities of the robot of the file.
     expected: [Vec<f64>; 2],
 }
 
@@ -90,7 +92,7 @@ pub(super) struct Trial<'a> {
 pub(super) struct Safe {
     pub sweep: Sweep,
     pub targets: Vec<f64>,
-    /// Positions and velocities of the robot as its file says.
+    /// Positions and velocities of the robot of the file.
     pub expected: [Vec<f64>; 2],
     pub rounds: usize,
     peaks: Vec<Peak>,
@@ -142,6 +144,7 @@ impl<'a> Trial<'a> {
             };
             theta.entries().iter().map(value).collect()
         };
+        // The worst robot need not be at a corner.
         let drawn = |number: u32| -> Vec<f64> {
             let draws = Stream::new(settings.seed, Purpose::EXCITATION).environment(number).step(1);
             let entries = theta.entries().iter().zip(0..);
@@ -160,7 +163,7 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// What is fitted.
+    /// The parameters of the fit.
     pub fn theta(&self) -> &Theta {
         &self.theta
     }
@@ -191,6 +194,7 @@ impl<'a> Trial<'a> {
     fn play(&self, targets: &[f64], watch: &Watch<'_>) -> Result<Played, Error> {
         let body = self.body;
         let options = ReplayOptions {
+            // The subtraction takes rounding away: a whole number of steps must not become one more.
             substeps: (1.0 / (self.rate * STEP) - 1e-9).ceil().max(1.0) as usize,
             preset: Preset::Accurate,
             max_delay: self.longest_delay,
@@ -242,6 +246,7 @@ impl<'a> Trial<'a> {
         let width = self.body.names.len();
         let robot = candidate.robot(&self.body.gains.kp, &self.body.gains.kd);
         let mut peaks: Vec<Peak> = self.body.centre.iter().map(|&centre| Peak::new(centre)).collect();
+        // Comparisons with NaN are false, so a diverged simulation would seem to keep every limit.
         let nan_is_all = |value: f64| if value.is_finite() { value } else { f64::INFINITY };
         for (joint, peak) in peaks.iter_mut().enumerate() {
             let late = (robot.delay[joint] * self.rate).ceil() as usize + 1;
@@ -267,6 +272,7 @@ impl<'a> Trial<'a> {
         let part = 1.0 - self.margin;
         let [low, high] = body.range[joint];
         let (centre, free) = (body.centre[joint], 0.5 * self.margin * (high - low));
+        // A pose at a limit leaves no room: any motion towards it then uses far more than all of it.
         let way = |distance: f64, room: f64| if distance <= 0.0 { 0.0 } else { distance / room.max(1e-9) };
         let below = way(centre - peak.position[0], centre - (low + free));
         let above = way(peak.position[1] - centre, high - free - centre);
@@ -336,6 +342,7 @@ pub(super) fn shrink(
              (--rate), or let more joints move together (--turns)"
         )));
     }
+    // No smaller chirp helps if the pose itself exceeds a limit, so it is tried first.
     let still = sweep.at_rest();
     let peaks = trial.play(&still.targets(), watch)?.peaks;
     for (joint, (limit, used, robot)) in trial.worst(&peaks).into_iter().enumerate() {
@@ -358,6 +365,7 @@ pub(super) fn shrink(
         let Played { peaks, expected } = trial.play(&targets, watch)?;
         let worst = trial.worst(&peaks);
         if worst.iter().all(|(_, used, _)| *used <= 1.0) {
+            // The report shows the worst of all robots for each joint.
             let mut all: Vec<Peak> = body.centre.iter().map(|&centre| Peak::new(centre)).collect();
             for robot in &peaks {
                 all.iter_mut().zip(robot).for_each(|(all, one)| all.join(one));
@@ -378,6 +386,8 @@ pub(super) fn shrink(
                 // Slower motions need less speed and torque, and keep their size.
                 let slower = if limit == Limit::Position { 1.0 } else { factor.sqrt() };
                 let top = (part.top * slower).max(lowest[other]);
+                // The amplitude takes what the frequency does not: amplitude × frequency, the speed, falls by
+                // `factor`.
                 part.amplitude *= factor * part.top / top;
                 part.top = top;
                 let whose = if other == joint { "" } else { "of a joint of the same limb: " };

@@ -1,4 +1,4 @@
-//! What a chirp should be.
+//! Settings of a chirp.
 
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown_number;
@@ -6,9 +6,9 @@ use gaitfit_settings::Error;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
-/// Most samples of a chirp.
+/// Max number of samples of a chirp.
 pub(super) const MAX_SAMPLES: f64 = 100_000.0;
-/// Targets that a period of the fastest motion needs.
+/// Min number of targets in a period of the fastest motion.
 const MIN_TARGETS: f64 = 8.0;
 
 /// Which joints move at a time.
@@ -16,7 +16,7 @@ const MIN_TARGETS: f64 = 8.0;
 pub enum Turns {
     /// All together.
     All,
-    /// Those of one limb, then those of the next.
+    /// The joints of one limb, then those of the next.
     Limbs,
     /// One after another.
     Joints,
@@ -55,7 +55,7 @@ pub struct ChirpSettings {
     pub margin: f64,
     /// Speed limit of joints whose file says none, and of all if it is lower, rad/s.
     pub velocity_limit: Option<f64>,
-    /// The same of torques, N·m.
+    /// Torque limit of joints whose file says none, and of all if it is lower, N·m.
     pub torque_limit: Option<f64>,
     /// Root mean square of the differences to expect between a fit and its log, where the robot's range is 2.
     pub difference: f64,

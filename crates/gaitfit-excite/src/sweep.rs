@@ -8,7 +8,8 @@ use std::f64::consts::{PI, TAU};
 const REST_SECONDS: f64 = 0.5;
 /// Joints that move together end at frequencies down to this part of the last one, so that their motions differ.
 const SLOWEST: f64 = 0.8;
-/// Steps of a written target in a radian.
+/// Steps of a written target in a radian. Targets are rounded before they are simulated, so that what was simulated
+/// is what the file holds.
 const STEPS: f64 = 1e6;
 
 /// The targets of a chirp.
@@ -29,7 +30,7 @@ pub(super) struct Sweep {
 /// The targets of a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct JointSweep {
-    /// When it moves; none: never.
+    /// Turn in which it moves; `None`: it is held.
     pub turn: Option<usize>,
     /// Middle of the motion, rad.
     pub centre: f64,
@@ -42,11 +43,12 @@ pub(super) struct JointSweep {
 }
 
 impl Sweep {
-    /// As asked for: nothing is smaller yet. `turn`: when each joint moves.
+    /// The chirp of the settings, before anything makes it smaller. `turn`: the turn of each joint.
     pub fn new(settings: &ChirpSettings, centre: &[f64], turn: &[Option<usize>]) -> Self {
         let [bottom, top] = settings.frequency;
         let joint = |(number, (&centre, &turn)): (usize, (&f64, &Option<usize>))| {
             let draws = Stream::new(settings.seed, Purpose::EXCITATION).environment(number as u32);
+            // A joint that moves alone has no other to be told apart from.
             let alone = settings.turns == Turns::Joints;
             let part = if alone { 1.0 } else { SLOWEST + (1.0 - SLOWEST) * draws.uniform(1) };
             JointSweep {
@@ -68,14 +70,15 @@ impl Sweep {
         }
     }
 
-    /// The same pose without motion, for as long as robots need to settle.
+    /// A sweep that holds the same pose without motion, for as long as robots need to settle.
     pub fn at_rest(&self) -> Self {
         let still = |joint: &JointSweep| JointSweep { turn: None, amplitude: 0.0, ..*joint };
+        // 2 s.
         let turn = (2.0 * self.rate).round() as usize;
         Self { turn, turns: 1, joints: self.joints.iter().map(still).collect(), ..self.clone() }
     }
 
-    /// Targets of a joint.
+    /// Number of targets of a joint.
     pub fn samples(&self) -> usize {
         2 * self.rest + self.turns * self.turn
     }
@@ -97,7 +100,9 @@ impl Sweep {
     fn wave(&self, joint: &JointSweep, time: f64) -> f64 {
         let seconds = self.turn as f64 / self.rate;
         let edge = time.min(seconds - time).max(0.0);
+        // Raised cosine at both ends: target and its velocity do not jump.
         let fade = if edge < self.ease { 0.5 - 0.5 * (PI * edge / self.ease).cos() } else { 1.0 };
+        // Cycles so far: the integral of a frequency that rises in proportion to time.
         let turns = self.bottom * time + 0.5 * (joint.top - self.bottom) * time * time / seconds;
         joint.amplitude * fade * (TAU * turns + joint.phase).sin()
     }

@@ -57,6 +57,7 @@ impl ActuatorForm {
         let kind = a.element().name.as_str();
         let mut gear = [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "gear", &mut gear)?;
+        // The other five numbers are for sites, ball joints and free joints.
         self.gear = gear[0];
         a.set_array(ctx, "ctrlrange", &mut self.ctrlrange)?;
         a.set_array(ctx, "forcerange", &mut self.forcerange)?;
@@ -79,6 +80,7 @@ impl ActuatorForm {
             }
             "position" => self.apply_position(ctx, a)?,
             "velocity" => {
+                // The gain of a position servo is a kp, in another unit: it is not inherited.
                 let mut kv = if matches!(self.servo, None | Some("velocity")) { self.gain } else { 1.0 };
                 a.set_nonnegative(ctx, "kv", &mut kv)?;
                 (self.gain, self.bias_type, self.bias) = (kv, 1, [0.0, 0.0, -kv]);
@@ -91,6 +93,7 @@ impl ActuatorForm {
 
     fn apply_position(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
         if self.servo == Some("velocity") {
+            // The gain of a velocity servo is a kv, in another unit: it is not inherited.
             (self.gain, self.bias) = (1.0, [0.0; 3]);
         }
         let mut kp = self.gain;
@@ -103,6 +106,7 @@ impl ActuatorForm {
         // As in MuJoCo a positive entry is a damping ratio, resolved when all masses are known.
         match (kv.is_nan(), ratio.is_nan()) {
             (true, true) => {}
+            // Not `-kv`: a kv of 0 would become −0.
             (false, true) => self.bias[2] = 0.0 - kv,
             (true, false) => self.bias[2] = ratio,
             (false, false) => {
@@ -178,6 +182,7 @@ impl ActuatorForm {
             return Err(ctx.invalid(at, message, "name one of the file's hinges or slides"));
         };
         let mut ctrlrange = self.ctrlrange;
+        // Only a position servo has targets that a joint's range can bound.
         if self.inherit_range > 0.0 && self.bias_type == 1 && self.gain == -self.bias[1] {
             if ctrlrange != [0.0; 2] {
                 return Err(ctx.invalid(

@@ -70,7 +70,7 @@ fn assembled(
             _ => section.clone(),
         });
     }
-    // What comes along follows the file's own elements.
+    // Elements that come with attached models follow the file's own.
     whole.children.extend(std::mem::take(&mut attacher.sections));
     Ok(whole)
 }
@@ -140,6 +140,7 @@ impl Attacher<'_, '_, '_> {
             self.rename(part, prefix, &mut names, depth + 2)?;
         }
         self.bring_along(&other, prefix, &names, body.is_none())?;
+        // The frame hands down the other file's main class, so that its parts do not get this file's defaults.
         let main = Attribute { name: "childclass".to_owned(), value: format!("{prefix}main"), at };
         Ok(Element { name: "frame".to_owned(), attributes: vec![main], children: parts, at })
     }
@@ -217,6 +218,7 @@ impl Attacher<'_, '_, '_> {
                     copy.children.retain(|child| child.name != "model");
                     for child in &mut copy.children {
                         self.rename(child, prefix, &mut HashSet::new(), 3)?;
+                        // `rename` prefixes names of bodies' elements only; those of assets follow here.
                         let name = child.attributes.iter_mut().find(|attribute| attribute.name == "name");
                         name.into_iter().for_each(|name| name.value.insert_str(0, prefix));
                     }
@@ -234,6 +236,8 @@ impl Attacher<'_, '_, '_> {
                             for name in element.attributes.iter_mut().filter(|one| one.name == "name") {
                                 name.value.insert_str(0, prefix);
                             }
+                            // Sections outside of bodies are in no frame that hands down a class: they name it
+                            // themselves.
                             if element.get("class").is_none()
                                 && matches!(name, "actuator" | "contact")
                                 && element.name != "exclude"

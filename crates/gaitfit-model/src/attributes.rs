@@ -8,7 +8,7 @@ use crate::xml::{At, Element, Sources};
 /// Entries listed in `Model::dropped`; more than this is a hostile or wrong file.
 const MAX_DROPPED: usize = 2_000;
 
-/// What a reader carries along: positions for messages, leniency, and the list of what was left out.
+/// State of a reader: positions for messages, leniency, and the list of what was left out.
 pub(crate) struct Context<'s> {
     pub sources: &'s Sources,
     pub lenient: bool,

@@ -29,7 +29,7 @@ pub(crate) struct BodyReader<'c, 's> {
     sites: usize,
 }
 
-/// What enclosing bodies and frames hand down.
+/// State that enclosing bodies and frames hand down.
 #[derive(Clone, Copy)]
 struct Scope {
     body: usize,
@@ -38,7 +38,7 @@ struct Scope {
     frame: (Vec3, Quat),
 }
 
-/// What one geom adds to its body's mass.
+/// The part of a body's mass that one geom adds.
 struct MassSource {
     /// `None` where it cannot be computed without the mesh.
     part: Option<Inertial>,
@@ -50,11 +50,11 @@ struct MassSource {
     auto: bool,
 }
 
-/// What the elements of one body say about its mass.
+/// Elements of one body that give its mass.
 #[derive(Default)]
 struct MassSources {
     explicit: Option<Inertial>,
-    /// What each geom adds, in the order of the body's geoms.
+    /// Parts of the geoms, in the order of the body's geoms.
     geoms: Vec<MassSource>,
 }
 
@@ -139,6 +139,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 }
                 "geom" => self.read_geom(child, scope, mass)?,
                 "site" => self.read_site(child, scope)?,
+                // Only for pictures.
                 "camera" | "light" => {}
                 "composite" | "flexcomp" | "plugin" => self.ctx.refuse(
                     child.at,
@@ -249,7 +250,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                     )?,
                 }
             }
-            // MuJoCo keeps an explicit inertial when no geom has mass.
+            // MuJoCo keeps an explicit inertial when no geom has a mass above `mjEPS`.
             if !parts.iter().all(|p| p.mass <= 1e-14) {
                 inertial = combine(&parts);
             }
@@ -281,6 +282,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 }
                 let body = &mut self.bodies[scope.body];
                 body.joints.push((*joint, element.at));
+                // A rigid body has six degrees of freedom; MuJoCo refuses more too.
                 if body.joints.len() > 6 || body.free.is_some() {
                     return Err(self.ctx.invalid(
                         element.at,

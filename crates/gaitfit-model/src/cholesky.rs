@@ -34,9 +34,10 @@ impl Cholesky {
 
     /// `vᵀ M⁻¹ v`; `v` has `size` numbers.
     pub fn inverse_form(&self, v: &[f64]) -> f64 {
+        // With L y = v the form is yᵀ y.
         let n = self.size;
         let mut y = v.to_vec();
-        // Solves L y = v column by column: the numbers below the diagonal do not wait for each other.
+        // Column by column: the numbers below the diagonal do not wait for each other.
         for (k, column) in self.columns.chunks_exact(n.max(1)).enumerate() {
             y[k] /= column[k];
             let known = y[k];

@@ -21,7 +21,8 @@ use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
 const MIN_MASS: f64 = 1e-15;
-/// Largest distance of a link from its parent, or of its centre of mass from its frame, m, and largest mass, kg.
+/// Largest distance of a link from its parent, or of its centre of mass from its frame, m, and largest mass, kg:
+/// beyond them a file states millimetres or grams.
 const MAX_DISTANCE: f64 = 1000.0;
 const MAX_MASS: f64 = 1e6;
 
@@ -237,7 +238,6 @@ fn weld_roots(spec: &Spec, root: usize, floating: bool, member: &[bool]) -> Vec<
     welds
 }
 
-/// Everything that moves needs mass and inertia, its own or of parts welded to it.
 /// Refuses bodies that no robot has: the simulation of one diverges, and nothing then names the file.
 fn check_sizes(ctx: &Context, spec: &Spec, member: &[bool]) -> Result<(), ModelError> {
     for body in spec.bodies.iter().zip(member).filter_map(|(body, member)| member.then_some(body)) {
@@ -259,6 +259,7 @@ fn check_sizes(ctx: &Context, spec: &Spec, member: &[bool]) -> Result<(), ModelE
     Ok(())
 }
 
+/// Everything that moves needs mass and inertia, its own or of parts welded to it.
 fn check_masses(ctx: &Context, spec: &Spec, welds: &[usize], member: &[bool]) -> Result<(), ModelError> {
     for (index, body) in spec.bodies.iter().enumerate().skip(1) {
         if welds[index] != index || !member[index] {

@@ -79,6 +79,7 @@ pub(crate) fn candidates(
             let mut parameters = pair.parameters.clone();
             parameters.friction = parameters.friction.map(|f| f.max(MIN_FRICTION));
             let bodies = (geoms[ground].0.min(geoms[geom].0), geoms[ground].0.max(geoms[geom].0));
+            // The key sorts as MuJoCo does: by body pair, then explicit pairs (0), then others (1) by geom.
             candidates.push(((bodies, 0, number, 0), Candidate { geom, ground, parameters }));
         }
     }
@@ -157,6 +158,7 @@ pub(crate) fn mix(first: &Surface, second: &Surface) -> ContactPair {
         }
         (first.condim.max(second.condim), friction, solref, solimp)
     };
+    // A geom has three coefficients, a contact five: two directions slide and two roll.
     let [slide, spin, roll] = friction.map(|f| f.max(MIN_FRICTION));
     ContactPair {
         geom: 0,
@@ -171,6 +173,7 @@ pub(crate) fn mix(first: &Surface, second: &Surface) -> ContactPair {
     }
 }
 
+/// Weight of the first surface's `solref` and `solimp`, as MuJoCo's `mj_contactParam` has it.
 fn solmix_weight(first: f64, second: f64) -> f64 {
     match (first >= MIN_SOLMIX, second >= MIN_SOLMIX) {
         (true, true) => first / (first + second),
@@ -203,6 +206,8 @@ pub(crate) fn self_collisions(spec: &Spec, welds: &[usize], robot: &[bool]) -> u
     for (i, &(first, a, surface)) in geoms.iter().enumerate() {
         for &(second, b, other) in &geoms[i + 1..] {
             let (wa, wb) = (welds[a], welds[b]);
+            // MuJoCo does not test a body against its parent, unless the parent is the world or `filterparent` is
+            // off.
             let neighbours = wa != 0 && wb != 0 && (parent_weld(a) == wb || parent_weld(b) == wa);
             if wa != wb
                 && (!neighbours || spec.disabled.filterparent)

@@ -66,7 +66,7 @@ impl Model {
         self.couple_others(positions, &[]);
     }
 
-    /// The same, except for the joints `stated`, by index.
+    /// As [`Model::couple`], except for the joints `stated`, by index.
     pub fn couple_others(&self, positions: &mut [f64], stated: &[usize]) {
         // A leader may follow another joint, whose coupling may come later.
         for _ in 0..self.couplings.len() {

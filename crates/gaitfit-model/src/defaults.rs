@@ -46,7 +46,7 @@ impl Default for Class {
 /// can have it.
 pub(crate) const APART: &str = "default apart";
 
-/// Most default classes of one file.
+/// Max number of default classes of one file.
 const MAX_CLASSES: usize = 512;
 
 /// All classes of a file; index 0 is `main`, which applies where no class is named.
@@ -137,6 +137,7 @@ impl Defaults {
             }
         };
         a.finish(ctx)?;
+        // A class's own entries come first, wherever the file has them: the classes inside begin as copies of it.
         for child in element.children.iter().filter(|c| c.name != "default") {
             read_entry(ctx, child, compiler, &mut self.classes[index])?;
         }

@@ -13,7 +13,7 @@ use crate::shown::{shown, shown_number};
 use crate::spec::{BodySpec, GeomKind, GeomSpec};
 use crate::xml::{At, Element};
 
-/// What a floor is called that nobody names.
+/// Name of a floor that no contact pair names.
 const NAME: &str = "floor";
 
 /// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has neither a plane nor
@@ -41,6 +41,7 @@ pub(crate) fn add_floor(
     }
     let mut surface = defaults.class(0).geom.surface();
     if surface.is_visual() {
+        // The file's default class turns contacts off, for its visuals: the floor gets MuJoCo's defaults.
         (surface.contype, surface.conaffinity) = (1, 1);
     }
     let friction = surface.friction.map(shown_number).join(" ");

@@ -46,6 +46,7 @@ impl Default for GeomForm {
             quat: IDENTITY,
             group: 0,
             mass: None,
+            // MuJoCo's default: water.
             density: 1000.0,
             shell: false,
             mesh: false,
@@ -151,6 +152,7 @@ impl GeomForm {
                     "keep one",
                 ));
             }
+            // MuJoCo's z axis points from the second point to the first.
             let along = [x0 - x1, y0 - y1, z0 - z1];
             let direction = unit(along).ok_or_else(|| {
                 ctx.invalid(at, format!("{}: the points of `fromto` coincide", element.label()), "move one")

@@ -89,6 +89,7 @@ fn parallel_axis(mass: f64, d: Vec3) -> Tensor {
 
 /// Sum of rigidly joined parts; parts without mass are skipped. One part keeps its own axes, as in MuJoCo.
 pub(crate) fn combine(parts: &[Inertial]) -> Inertial {
+    // MuJoCo's `mjEPS`.
     let parts: Vec<&Inertial> = parts.iter().filter(|p| p.mass > 1e-14).collect();
     match parts.as_slice() {
         [] => MASSLESS,
@@ -123,6 +124,7 @@ pub(crate) fn principal(tensor: Tensor) -> (Vec3, Quat) {
     let [xx, yy, zz, xy, xz, yz] = tensor;
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut quat = IDENTITY;
+    // Jacobi's method converges quadratically, so a few sweeps are enough; the bound ends the loop on NaN.
     for _ in 0..60 {
         let off = a[0][1].abs().max(a[0][2].abs()).max(a[1][2].abs());
         let scale = a[0][0].abs().max(a[1][1].abs()).max(a[2][2].abs());
@@ -152,6 +154,7 @@ fn rotate_away(a: &mut [[f64; 3]; 3], quat: &mut Quat, p: usize, q: usize) {
         return;
     }
     let tau = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+    // The smaller root of t² + 2 τ t − 1 = 0: a turn of at most 45°.
     let t = tau.signum() / (tau.abs() + (1.0 + tau * tau).sqrt());
     let c = 1.0 / (1.0 + t * t).sqrt();
     let s = t * c;

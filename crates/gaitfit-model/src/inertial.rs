@@ -49,6 +49,7 @@ pub(crate) fn read_inertial(
         (None, None) => [0.0; 3],
         (None, Some(full)) if !oriented => {
             let (values, axes) = principal(full);
+            // MuJoCo's `mjEPS`.
             if values[2] < 1e-14 {
                 return Err(ctx.invalid(
                     element.at,
@@ -73,7 +74,7 @@ pub(crate) fn read_inertial(
 /// Size up to which a moment of inertia is rounding, kg·m²: programs that compute the principal moments of a link almost
 /// without mass write −1e−22. A grain of sand has more.
 pub(crate) const ROUNDING: f64 = 1e-15;
-/// The same as a share of the largest moment.
+/// Size up to which a moment of inertia is rounding, as a share of the largest moment.
 const ROUNDING_SHARE: f64 = 1e-12;
 
 /// The moments without what is only rounding: a small negative moment is zero, and moments that violate A + B ≥ C by less
@@ -114,6 +115,7 @@ pub(crate) fn check_inertia(
             "give a mass and principal moments of zero or more",
         ));
     }
+    // Every body has A + B − C = 2 ∫ z² dm, which is not negative.
     if a + b < c || a + c < b || b + c < a {
         if !balance {
             return Err(ctx.invalid(

@@ -45,7 +45,7 @@ impl Default for JointForm {
     }
 }
 
-/// What a `<joint>` turned out to be.
+/// Result of reading a `<joint>`.
 pub(crate) enum Finished {
     Moving(Box<Joint>),
     Free(FreeJoint),
@@ -136,6 +136,7 @@ impl JointForm {
         // As with `dampratio`, what it stands for is computed when all masses are known.
         if self.spring_damper.iter().all(|value| *value > 0.0) {
             let [time, ratio] = self.spring_damper;
+            // Negative numbers mark them until then.
             (j.stiffness, j.damping) = (-time, -ratio);
         }
         // Positions of slides are metres, whatever the file's unit of angles.

@@ -132,7 +132,7 @@ impl Joint {
         self.moved_by(frame, position - self.reference)
     }
 
-    /// The same after it moved by `by` (rad or m) from its reference.
+    /// As [`Joint::moved`], for a joint that moved by `by` (rad or m) from its reference.
     pub(crate) fn moved_by(&self, frame: &Frame, by: f64) -> Frame {
         match self.kind {
             JointKind::Hinge => {

@@ -39,6 +39,7 @@ pub(crate) fn fill_keyframes(
         }
         let (mut base_pose, joint_pos) = (qpos[..base_q].to_vec(), &qpos[base_q..]);
         if base_q == 7 {
+            // Files round the quaternion.
             let quat = normalize([base_pose[3], base_pose[4], base_pose[5], base_pose[6]]);
             base_pose[3..].copy_from_slice(&quat);
         }

@@ -37,6 +37,7 @@ impl Frame {
 pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
     let mut frames: Vec<Frame> = Vec::with_capacity(model.bodies.len());
     for (index, body) in model.bodies.iter().enumerate() {
+        // Depth first: a parent's frame is there before its children's.
         let mut frame = match body.parent {
             Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,
@@ -62,16 +63,16 @@ pub fn rest_frames(model: &Model) -> Vec<Frame> {
 pub struct Reach {
     /// Half edges of a box; half the axis of a capsule or a cylinder, m.
     pub edges: [Vec3; 3],
-    /// Of spheres and capsules, m.
+    /// Radius of spheres and capsules, m; 0 for other shapes.
     pub radius: f64,
-    /// Of a cylinder, m; 0 for other shapes.
+    /// Radius of a cylinder, m; 0 for other shapes.
     pub rim: f64,
     /// Axis of the cylinder, unit.
     pub axis: Vec3,
 }
 
 impl Reach {
-    /// Of a geom.
+    /// The reach of a geom.
     pub fn new(geom: &Geom) -> Self {
         let along = |k: usize, length: f64| {
             let mut edge = [0.0; 3];

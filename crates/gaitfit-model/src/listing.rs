@@ -30,11 +30,11 @@ pub struct LeftOut {
     pub harmless: bool,
 }
 
-/// Most joints named in a warning.
+/// Max number of joints named in a warning.
 const MAX_NAMES: usize = 4;
 
 impl Model {
-    /// What the model leaves out of its file, things of one kind together, in the order of the first of each.
+    /// Things that the model leaves out of its file, those of one kind together, in the order of the first of each.
     pub fn left_out(&self) -> Vec<LeftOut> {
         let mut groups: Vec<(LeftOut, String)> = Vec::new();
         let mut places: HashMap<(String, &str, bool), usize> = HashMap::new();
@@ -163,7 +163,7 @@ impl Model {
     }
 }
 
-/// What a thing is, without its name: `visual mesh` of `geom "shell" (mesh, visual)`.
+/// The kind of a thing, without its name: `visual mesh` of `geom "shell" (mesh, visual)`.
 fn kind(what: &str) -> String {
     let mut bare = String::new();
     for (index, part) in what.split('"').enumerate() {

@@ -30,7 +30,7 @@ const MAX_READ: usize = 1 << 20;
 pub struct Looks {
     /// The meshes, each in a frame in the middle of its box.
     pub meshes: Vec<ThinMesh>,
-    /// Where they are.
+    /// Places of the meshes on the links.
     pub places: Vec<Look>,
 }
 
@@ -104,11 +104,13 @@ fn read(path: &Path, model: &Model) -> Looks {
     let mut places = Vec::new();
     for (body, outlines) in bodies {
         let shown = outlines.iter().any(|outline| !outline.colliding && is_mesh(outline));
+        // The visual meshes if there are any, else the colliding ones.
         let meshes = outlines.iter().filter(|outline| outline.colliding != shown && is_mesh(outline));
         // A link with a missing mesh has none: a part of a link looks like another robot.
         let whole: Option<Vec<Look>> = meshes.map(|outline| files.look(&body, outline)).collect();
         places.extend(whole.filter(|whole| places.len() + whole.len() <= MAX_PLACES).unwrap_or_default());
     }
+    // Meshes of links that are left out would take triangles from the others.
     files.pool.keep(|mesh| places.iter().any(|place| place.mesh == mesh));
     let mut thin = files.pool.thinned(MAX_TRIANGLES);
     places.retain(|place| !thin[place.mesh].triangles.is_empty());

@@ -21,7 +21,7 @@ const DUMMY_RADIUS: f64 = 0.02;
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
 const MIN_MASS: f64 = 1e-15;
 
-/// What a geom says of its mass.
+/// A geom's mass or density.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Weight {
     /// kg.
@@ -72,6 +72,7 @@ fn of_shape(shape: Shape) -> Inertial {
 /// A mended inertia that cannot be: its moments become their mean, as in MuJoCo's `balanceinertia`. `None` in a reading that
 /// does not mend, and of one that has no mean.
 pub(crate) fn balance(ctx: &mut Context, at: At, label: &str, inertial: Inertial) -> Option<Inertial> {
+    // A negative moment would make the mean too small, or negative too.
     let mean = inertial.inertia.iter().map(|moment| moment.max(0.0)).sum::<f64>() / 3.0;
     if !(ctx.mend && mean.is_finite() && inertial.mass.is_finite() && inertial.mass >= 0.0) {
         return None;
@@ -91,6 +92,7 @@ pub(crate) fn balance(ctx: &mut Context, at: At, label: &str, inertial: Inertial
 
 /// Gives moving links without mass or inertia those of their shapes at a density, or those of a small ball.
 pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], member: &[bool]) {
+    // Before any mass is added: the share is that of the file's robot.
     let total: f64 = spec.bodies.iter().map(|body| body.inertial.mass).sum();
     for index in 1..spec.bodies.len() {
         if welds[index] != index || !member[index] {
@@ -113,6 +115,7 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
             (of_shapes, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
         } else {
             let mass = if total > 0.0 { DUMMY_SHARE * total } else { 1.0 };
+            // A solid ball has 2/5 m r².
             let inertia = [0.4 * mass * DUMMY_RADIUS * DUMMY_RADIUS; 3];
             let how = format!("a ball of {DUMMY_RADIUS} m with {DUMMY_SHARE} of the robot's mass");
             (Inertial { mass, inertia, ..crate::inertia::MASSLESS }, how)
@@ -145,7 +148,7 @@ fn shapes(body: &BodySpec) -> Vec<Inertial> {
     parts
 }
 
-/// What the robot's bodies look like beside the geoms that are simulated.
+/// Shapes of the robot's bodies beside the geoms that are simulated.
 pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     let root = member.iter().position(|member| *member).unwrap_or(0);
     let members = spec.bodies.iter().enumerate().filter(|(index, _)| member[*index]);
@@ -154,7 +157,7 @@ pub(crate) fn outlines(spec: &Spec, member: &[bool]) -> Vec<Outline> {
     all.take(MAX_OUTLINES).collect()
 }
 
-/// The same of one body, without its number.
+/// [`outlines`] of one body, without its number.
 pub(crate) fn of_body(body: &BodySpec) -> impl Iterator<Item = Outline> {
     let meshes = body.geoms.iter().filter_map(|geom| {
         // Simple shapes that do not collide are no feet: their file could have said so.

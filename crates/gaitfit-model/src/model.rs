@@ -70,7 +70,7 @@ pub struct Model {
     /// Pairs of own parts that may touch each other: none as a file is read, see [`Model::touching_itself`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub self_pairs: Vec<SelfPair>,
-    /// What the file says of its own parts.
+    /// Shapes of the robot with what the file's filters say about contacts between them.
     #[serde(skip)]
     pub parts: Parts,
     /// What resists the motion of a floating base besides its inertia; absent where nothing does.
@@ -206,7 +206,7 @@ pub struct Joint {
     pub damping: f64,
     /// Dry (Coulomb) friction torque, N·m.
     pub frictionloss: f64,
-    /// Spring stiffness, N·m/rad, and the spring's rest angle, rad.
+    /// Stiffness of the joint spring, N·m/rad.
     pub stiffness: f64,
     /// Rest angle of the joint spring, rad.
     pub springref: f64,

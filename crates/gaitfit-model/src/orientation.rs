@@ -78,6 +78,7 @@ pub(crate) fn read_orientation(
         "xyaxes" => {
             if let Some(v) = attributes.array::<6>(ctx, name)? {
                 let x = unit([v[0], v[1], v[2]]).ok_or_else(short)?;
+                // Gram–Schmidt: y need not be square to x in the file.
                 let d = x[0] * v[3] + x[1] * v[4] + x[2] * v[5];
                 let y = unit([v[3] - d * x[0], v[4] - d * x[1], v[5] - d * x[2]]).ok_or_else(short)?;
                 *target = from_axes(x, y, cross(x, y));

@@ -33,11 +33,11 @@ pub struct Outline {
     pub quat: Quat,
     /// Whether the file lets it collide.
     pub colliding: bool,
-    /// What it is.
+    /// Its shape.
     pub form: Form,
 }
 
-/// What an outline is.
+/// The shape of an outline.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
     /// A simple shape.
@@ -99,6 +99,7 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
     let ball = |radius: f64, half: f64| {
         (0..=AROUND).flat_map(move |step| {
             let (sine, cosine) = (std::f64::consts::PI * step as f64 / AROUND as f64).sin_cos();
+            // The halves of a ball are moved apart along the capsule's axis.
             ring(radius * sine, radius * cosine + half * cosine.signum())
         })
     };

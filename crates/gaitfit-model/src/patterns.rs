@@ -91,13 +91,14 @@ impl Pattern {
         plain(&self.text) == plain(joint)
     }
 
-    /// That it covers none of the `joints` of `robot`.
+    /// The error of a pattern that covers none of the `joints` of `robot`.
     fn unmatched<S: AsRef<str>>(&self, robot: &str, joints: &[S]) -> PatternError {
         let wanted = plain(&self.text);
         let mut scored: Vec<(f64, &str)> = joints
             .iter()
             .map(|joint| (strsim::sorensen_dice(wanted, plain(joint.as_ref())), joint.as_ref()))
             .collect();
+        // A stable sort: of equally near names the robot's first one comes first.
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         let nearest = scored.into_iter().take(NEAREST).map(|(_, joint)| joint.to_owned()).collect();
         PatternError::NoJoint { pattern: self.text.clone(), robot: robot.to_owned(), nearest }

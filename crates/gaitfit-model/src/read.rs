@@ -45,7 +45,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Model, ModelError> {
     Ok(Model { source, ..build(&document, &sources, &stem, options)? })
 }
 
-/// What the bodies of a robot file show, by their names. Parts that no robot is simulated with do not matter.
+/// Outlines of the bodies of a robot file, by their names. Parts that no robot is simulated with do not matter.
 pub(crate) fn outlines(path: &Path) -> Result<Vec<(String, Vec<Outline>)>, ModelError> {
     let mut sources = Sources::default();
     let document = xml::load(path, &mut sources)?;
@@ -106,7 +106,7 @@ fn context<'s>(sources: &'s Sources, options: &ReadOptions) -> Context<'s> {
     }
 }
 
-/// What a document says, and how its root is attached if the caller `wanted` that.
+/// Contents of a document, and how its root is attached if the caller `wanted` that.
 fn content(
     ctx: &mut Context,
     document: &Element,

@@ -208,6 +208,7 @@ pub fn from_rpy(roll: f64, pitch: f64, yaw: f64) -> Quat {
 /// Between `a` (`fraction` 0) and `b` (1) along the shorter way: normalised linear interpolation.
 pub fn blend(a: Quat, b: Quat, fraction: f64) -> Quat {
     let dot: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+    // q and −q are the same rotation: the sign chooses the nearer one.
     let sign = if dot < 0.0 { -1.0 } else { 1.0 };
     let mixed: Quat = std::array::from_fn(|k| a[k] + fraction * (sign * b[k] - a[k]));
     let norm = mixed.iter().map(|value| value * value).sum::<f64>().sqrt();
@@ -218,6 +219,7 @@ pub fn blend(a: Quat, b: Quat, fraction: f64) -> Quat {
 pub fn z_to(v: Vec3) -> Quat {
     let normal = cross([0.0, 0.0, 1.0], v);
     let sine = dot(normal, normal).sqrt();
+    // For half a turn any axis square to z will do; for none the angle is zero.
     let axis = if sine < 1e-10 { [1.0, 0.0, 0.0] } else { normal.map(|x| x / sine) };
     axis_angle(axis, sine.atan2(v[2]))
 }
@@ -227,6 +229,8 @@ pub fn from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat {
     let (m00, m10, m20) = (x[0], x[1], x[2]);
     let (m01, m11, m21) = (y[0], y[1], y[2]);
     let (m02, m12, m22) = (z[0], z[1], z[2]);
+    // Each case computes a multiple of the quaternion by a component that is large there, so that little is lost to
+    // rounding.
     let q = if m00 + m11 + m22 > 0.0 {
         [1.0 + m00 + m11 + m22, m21 - m12, m02 - m20, m10 - m01]
     } else if m00 > m11 && m00 > m22 {
@@ -250,6 +254,7 @@ pub fn heading<T: Scalar>(q: Quat<T>) -> T {
 pub fn to_heading<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
     let left = axes(q)[1];
     let length = (left[0] * left[0] + left[1] * left[1]).sqrt();
+    // A body that lies on its side has no heading; the division stays finite.
     let length = if length > T::from(1e-6) { length } else { T::from(1e-6) };
     let (lx, ly) = (left[0] / length, left[1] / length);
     [ly * v[0] - lx * v[1], lx * v[0] + ly * v[1], v[2]]

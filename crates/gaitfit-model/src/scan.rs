@@ -5,15 +5,15 @@
 //! attributes, comments and such begin and end. Where a text is not well formed it stops, and the parser, which stops at
 //! the same place, says why.
 
-/// Most attributes of one tag, namespaces included.
+/// Max number of attributes of one tag, namespaces included.
 pub(crate) const MAX_ATTRIBUTES: usize = 100;
-/// Most namespaces declared in one file.
+/// Max number of namespaces declared in one file.
 pub(crate) const MAX_NAMESPACES: usize = 128;
-/// Most bytes of the name of a tag or an attribute.
+/// Max number of bytes of the name of a tag or an attribute.
 pub(crate) const MAX_NAME: usize = 256;
-/// Nesting of elements.
+/// Max depth of elements inside each other.
 pub(crate) const MAX_DEPTH: usize = 100;
-/// Tags (opening and closing), comments and such of all files together.
+/// Max number of tags (opening and closing), comments and such of all files together.
 pub(crate) const MAX_NODES: usize = 200_000;
 
 /// What is too large, and where.
@@ -215,7 +215,7 @@ mod tests {
         assert!(check("<!-- --><a/>", 1, &mut nodes).is_err());
     }
 
-    /// What looks like tags in comments, character data, instructions and values is none.
+    /// Text that looks like tags in comments, character data, instructions and values does not count.
     #[test]
     fn only_tags_count() {
         let many = "<a>".repeat(MAX_DEPTH + 1);

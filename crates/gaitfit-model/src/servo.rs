@@ -84,6 +84,7 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
 fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
     let mut dofs = Vec::with_capacity(model.nv());
     if let (Root::Floating, Some(base)) = (model.root, frames.first()) {
+        // A free joint: three translations, then three rotations, about the base's origin.
         for kind in [JointKind::Slide, JointKind::Hinge] {
             for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
                 let axis = JointAxis { kind, axis, anchor: base.position };
@@ -99,6 +100,7 @@ fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
 }
 
 fn is_ancestor(model: &Model, ancestor: usize, mut body: usize) -> bool {
+    // Depth first: a parent has a smaller number than its children.
     while body > ancestor {
         match model.bodies[body].parent {
             Some(parent) => body = parent,

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-/// Most characters of a text in a message.
+/// Max number of characters of a text in a message.
 const MAX_CHARS: usize = 60;
-/// Most characters of a path in a message.
+/// Max number of characters of a path in a message.
 const MAX_PATH_CHARS: usize = 1000;
 
 /// `text` for a message: at most 60 characters, the rest cut to `...`. Characters that control a terminal or turn the
@@ -121,6 +121,8 @@ pub fn escaped(text: &str, max: usize) -> String {
 
 /// Whether a character commands a terminal (control characters, among them the escape) or the order of writing.
 pub(crate) fn commands(c: char) -> bool {
+    // First the soft hyphen and marks of the order of writing, then characters without width, the mark of the byte
+    // order, and tags.
     c.is_control()
         || matches!(c, '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}')
         || matches!(c, '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')

@@ -8,13 +8,13 @@ use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::terrain::{Ground, HeightField};
 use crate::xml::At;
 
-/// Most bodies of one file.
+/// Max number of bodies of one file.
 pub(crate) const MAX_BODIES: usize = 256;
-/// Most hinges and slides of one file.
+/// Max number of hinges and slides of one file.
 pub(crate) const MAX_JOINTS: usize = 256;
-/// Most geoms, sites, pairs, excludes, actuators or keyframes of one file.
+/// Max number of geoms, sites, pairs, excludes, actuators or keyframes of one file.
 pub(crate) const MAX_ITEMS: usize = 2048;
-/// Most geom–plane pairs of a model.
+/// Max number of geom–plane pairs of a model.
 pub(crate) const MAX_PAIRS: usize = 4096;
 
 /// A file's content.
@@ -92,7 +92,7 @@ pub(crate) struct GeomSpec {
     pub mesh: Option<MeshFile>,
 }
 
-/// What a geom is.
+/// The shape of a geom.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum GeomKind {
     /// Infinite plane.

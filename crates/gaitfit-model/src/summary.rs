@@ -45,7 +45,7 @@ pub struct Summary {
     pub sites: Vec<String>,
     /// What was left out.
     pub dropped: Vec<Dropped>,
-    /// The same, things of one kind together.
+    /// What was left out, things of one kind together.
     pub left_out: Vec<LeftOut>,
     /// What was added or mended.
     pub changed: Vec<Changed>,

@@ -136,10 +136,13 @@ impl Surface {
 impl SurfaceBlock {
     /// Where the vertical line at x, y leaves it, if it meets it.
     fn top(&self, x: f64, y: f64) -> Option<f64> {
+        // A box is what three pairs of parallel planes have in common (slab method, Kay and Kajiya 1986): the line is
+        // inside from the last entry to the first exit.
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let d = [x - self.position[0], y - self.position[1]];
         for (axis, half) in self.axes.iter().zip(self.half) {
             let along = axis[0] * d[0] + axis[1] * d[1];
+            // The line runs along these two planes: between them all the way, or never.
             if axis[2].abs() <= UPRIGHT {
                 if along.abs() > half {
                     return None;
@@ -166,7 +169,7 @@ impl SurfaceField {
         }
         let u = (local[0] + self.half_size[0]) / self.step[0];
         let v = (local[1] + self.half_size[1]) / self.step[1];
-        // What is no number becomes 0 as an index.
+        // NaN becomes 0 as an index.
         let (column, row) =
             ((u.max(0.0) as usize).min(self.columns - 2), (v.max(0.0) as usize).min(self.rows - 2));
         let (u, v) = (u - column as f64, v - row as f64);

@@ -11,7 +11,7 @@ use crate::picture;
 use crate::shown::{shown, shown_path};
 use crate::xml::Element;
 
-/// What of the world a pair's geom may touch.
+/// The part of the world that a pair's geom may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Ground {
@@ -64,9 +64,9 @@ pub struct HeightField {
     pub heights: Vec<f64>,
 }
 
-/// Most vertices of a height field.
+/// Max number of vertices of a height field.
 const MAX_VERTICES: usize = 1 << 20;
-/// Most height fields of a file.
+/// Max number of height fields of a file.
 const MAX_FIELDS: usize = 16;
 /// Elevations closer together than this are level (MuJoCo's `mjEPS`).
 const LEVEL: f32 = 1e-14;
@@ -82,7 +82,7 @@ impl HeightField {
 /// The height fields of a file's assets.
 #[derive(Debug, Default)]
 pub(crate) struct Fields {
-    /// Those that can be used.
+    /// The height fields that can be used.
     pub all: Vec<HeightField>,
     /// By name, as a place in `all` or why it cannot be used.
     pub names: HashMap<String, Result<usize, String>>,
@@ -197,6 +197,7 @@ fn read_file(ctx: &Context, file: &str, compiler: &Compiler) -> Result<(usize, u
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return picture::read(&path, MAX_VERTICES).map_err(|error| format!("{shown}: {error}"));
     }
+    // Two counts, then a float for each vertex.
     let max = 8 + 4 * MAX_VERTICES as u64;
     let size = std::fs::metadata(&path).map_err(|error| format!("{shown}: {error}"))?;
     if !size.is_file() || size.len() > max {

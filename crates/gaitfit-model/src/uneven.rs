@@ -20,6 +20,7 @@ impl Model {
         let mut model = self.clone();
         let ground = Ground::Obstacle { obstacle: model.obstacles.len() };
         let [x, y] = field.steps();
+        // Half of the narrower side of a cell.
         let max = 0.5 * x.min(y);
         model.pairs.retain(|pair| !matches!(pair.ground, Ground::Plane(_)));
         let mut met = vec![false; self.geoms.len()];
@@ -98,6 +99,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
         }],
         Shape::Cylinder { radius, half_length } => {
             let small = small.min(half_length);
+            // Inside the cylinder, so that its outline stays the same.
             let end = |sign: f64| rim(radius - small, sign * (half_length - small), small);
             [end(-1.0), end(1.0)].concat()
         }

@@ -104,6 +104,8 @@ impl Model {
 
     fn write_world(&self, text: &mut String) -> Result<(), WriteError> {
         for plane in &self.planes {
+            // A plane without sizes has no end; the third number spaces the lines that a viewer draws, and MuJoCo
+            // wants it above zero.
             let mut line = format!("    <geom name={} type=\"plane\" size=\"0 0 1\"", quoted(&plane.name));
             pose(&mut line, plane.pos, plane.quat);
             let _ = writeln!(text, "{line}/>");
@@ -212,6 +214,7 @@ impl Model {
 
     fn actuator(&self, actuator: &Actuator) -> String {
         let Actuator { gain, bias, .. } = *actuator;
+        // `position` takes no negative kp and kv.
         let position = bias[0] == 0.0 && bias[1] == -gain && gain >= 0.0 && bias[2] <= 0.0;
         let kind = match () {
             () if gain == 1.0 && bias == [0.0; 3] => "motor",
@@ -224,6 +227,7 @@ impl Model {
             "motor" => {}
             "position" => {
                 attribute(&mut line, "kp", &[gain]);
+                // Not `-bias[2]`: that would write −0 for 0.
                 attribute(&mut line, "kv", &[0.0 - bias[2]]);
             }
             _ => {
@@ -294,6 +298,7 @@ fn solid(geom: &Geom) -> String {
         Shape::Box { half_size } => attribute(&mut line, "size", &half_size),
     }
     pose(&mut line, geom.pos, geom.quat);
+    // The explicit pairs are all of the contacts.
     line + " contype=\"0\" conaffinity=\"0\"/>"
 }
 

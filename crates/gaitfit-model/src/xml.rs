@@ -14,9 +14,9 @@ use crate::error::{ModelError, Place};
 use crate::scan::{self, MAX_NODES};
 use crate::shown::{escaped, shown, shown_path};
 
-/// Bytes of all files together.
+/// Max number of bytes of all files together.
 const MAX_BYTES: usize = 16 << 20;
-/// Files joined by `<include>`.
+/// Max number of files joined by `<include>`.
 const MAX_FILES: usize = 64;
 
 /// A byte of one of the files read; resolved to line and column only when a message needs it.
@@ -152,6 +152,7 @@ impl Loader<'_> {
         }
         let file = File::open(path).map_err(io)?;
         let mut bytes = Vec::new();
+        // One byte more than may be, so that a file that is too large shows as such.
         file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(io)?;
         let name = path.display().to_string();
         self.count(&name, bytes.len())?;

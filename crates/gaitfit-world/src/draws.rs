@@ -7,9 +7,9 @@ use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
 
-/// Its name, beside `theta.toml`.
+/// Name of the file, beside `theta.toml`.
 const NAME: &str = "draws.csv";
-/// Largest file, and most rows.
+/// Max size of the file in bytes, and max number of rows.
 const MAX_BYTES: u64 = 16 << 20;
 const MAX_ROWS: usize = 4096;
 

@@ -8,7 +8,7 @@ use gaitfit_view::replay::{Geom, Mesh, ReplayRobot, Shape};
 /// The robot with the meshes of its file in the place of all geoms of their links but feet.
 pub(crate) fn dressed(mut robot: ReplayRobot, model: &Model) -> ReplayRobot {
     let looks = model.looks();
-    // Of drawn bodies with one name the last carries the geoms.
+    // If several drawn bodies have the same name, the last carries the geoms.
     let carrier = |name: &str| robot.bodies.iter().rposition(|body| body.name == name);
     let meshes = looks.places.iter().filter_map(|place| {
         let body = carrier(&place.body)?;

@@ -79,13 +79,14 @@ pub fn robot_on(name: &str, walker: &Walker, record: &GaitRecord) -> ReplayRobot
 
 /// How far the ground is drawn beside a robot's way, m.
 const BESIDE: f64 = 2.5;
-/// Distance of drawn heights, m, and the largest number of them along an edge.
+/// Distance of drawn heights, m, and their max number along an edge: long ways get a coarser grid.
 const FINE: f64 = 0.05;
 const MAX_HEIGHTS: f64 = 400.0;
 
 /// The ground about a robot's way.
 fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
     let along = |k: usize| {
+        // A pose of the base is 7 numbers: position and quaternion.
         let places = record.base.iter().skip(k).step_by(7).filter(|x| x.is_finite());
         places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
     };

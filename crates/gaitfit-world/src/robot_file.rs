@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Max number of folders above a policy, and of parts at the end of a path, that are looked at.
 const MAX_DEPTH: usize = 16;
 
-/// What a policy keeps of the robot file of its training.
+/// Returns what a policy keeps of the robot file of its training: path, hash, and how it was read.
 ///
 /// # Errors
 /// A file that cannot be read.
@@ -38,7 +38,7 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
 /// same file, this is read as leniently as there.
 ///
 /// # Errors
-/// That the file is not there any more, or is another now.
+/// The file is missing or has changed.
 pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings, Vec<String>), Error> {
     let mut settings = asked.clone();
     if asked.robot.as_deref().is_some_and(robot::is_built_in) {
@@ -104,7 +104,7 @@ pub fn as_leniently(path: &Path, recorded: &RobotFile) -> bool {
 /// folder or from one above the policy, if it is the same file.
 ///
 /// # Errors
-/// That there is no such file, or that it has changed.
+/// The file is missing or has changed.
 pub fn find(policy: &Path, recorded: &RobotFile, name: &str) -> Result<(PathBuf, Option<String>), Error> {
     let was = Path::new(&recorded.path);
     let same = |path: &Path| path.is_file() && fingerprint(path).is_ok_and(|hash| hash == recorded.sha256);
@@ -193,7 +193,7 @@ mod tests {
     fn a_file_that_is_gone_or_changed_is_named_with_the_remedy() {
         let (_folder, robot, policy) = project();
         let recorded = record(&robot, true).unwrap();
-        // What it includes counts too.
+        // A change of an included file counts too.
         fs::write(robot.with_file_name("legs.xml"), "<mujoco model=\"other\"/>").unwrap();
         let changed = find(&policy, &recorded, "spot").unwrap_err().to_string();
         for word in ["spot.xml", "has changed", "--robot", "--lenient", "policy.safetensors"] {

@@ -38,6 +38,7 @@ fn bone(body: usize, end: [f64; 3]) -> Option<Geom> {
     }
     let [x, y, z] = end.map(|x| x / length);
     // The turn of z into the bone's direction; half a turn about x where that is opposite.
+    // (1 + cos, sin × axis), normalised, is the shortest rotation; it has no direction where the cosine is −1.
     let quaternion = if z > -0.999_999 {
         let norm = (2.0 * (1.0 + z)).sqrt();
         [(1.0 + z) / norm, -y / norm, x / norm, 0.0]

@@ -27,7 +27,7 @@ pub fn read(path: &Path) -> Result<ThetaFile, Error> {
     ThetaFile::parse(&text).map_err(|error| Error::failed(format!("{}: {error}", path.display())))
 }
 
-/// What to know before trusting the file at `path` on the robot of `model` at a physics step, s, where there is one.
+/// Returns doubts about the file at `path`, on the robot of `model`, at a physics step, s, where there is one.
 pub fn doubts(file: &ThetaFile, path: &Path, model: &Model, step: Option<f64>) -> Vec<String> {
     let stepped = step.and_then(|step| file.step_doubt(step));
     let doubts = file.robot_doubt(model).into_iter().chain(stepped).chain(file.value_doubts());

@@ -109,7 +109,7 @@ impl World {
         Self::among(args, policy, settings, None)
     }
 
-    /// The same with the robots of a file of draws, which belongs to the fitted parameters.
+    /// As [`World::with_task`], with the robots of a file of draws, which belongs to the fitted parameters.
     pub fn among(
         args: &WorldSettings,
         policy: Policy,
@@ -167,7 +167,7 @@ impl World {
         if args.torque_noise > 0.0 {
             changes.push(format!("torque noise of {} N·m", args.torque_noise));
         }
-        // Of independent torques the variances add.
+        // Variances of independent torques add.
         for candidate in drawn.iter_mut().chain([&mut candidate]) {
             candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         }
@@ -277,7 +277,7 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         .map_err(|error| error.within("--task takes `velocity`, `biped` or a file with settings of a task:"))
 }
 
-/// Cells of a side of the grid that means are taken over.
+/// Cells along each side of the grid over which the mean of |c| is taken (midpoint rule).
 const GRID: usize = 200;
 
 /// Mean velocity error of a robot that stands still, m/s: the mean of |c| over commands c = (x, y) as they are drawn.
@@ -285,6 +285,7 @@ pub fn standing_error(command: &CommandSettings) -> f64 {
     let at = |[low, high]: [f64; 2], cell: usize| low + (high - low) * (cell as f64 + 0.5) / GRID as f64;
     let sum: f64 =
         (0..GRID * GRID).map(|cell| at(command.x, cell / GRID).hypot(at(command.y, cell % GRID))).sum();
+    // A robot that stands has no error where the command is zero.
     (1.0 - command.standing) * sum / (GRID * GRID) as f64
 }
 
@@ -298,7 +299,7 @@ mod tests {
 
     #[test]
     fn standing_still_is_off_by_the_mean_command() {
-        // Of the unit square's points the mean distance from a corner is (√2 + asinh 1) / 3.
+        // The mean distance of the unit square's points from a corner is (√2 + asinh 1) / 3.
         let corner = (2f64.sqrt() + 1f64.asinh()) / 3.0;
         assert!((standing_error(&command([-1.0, 1.0], [-1.0, 1.0], 0.0)) - corner).abs() < 1e-4);
         assert!((standing_error(&command([0.0, 2.0], [0.0, 0.0], 0.25)) - 0.75).abs() < 1e-9);

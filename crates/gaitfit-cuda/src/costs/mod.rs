@@ -46,7 +46,7 @@ pub enum CostsError {
 
 /// Threads of a block of `wasserstein`.
 const THREADS: u32 = 512;
-/// Most keys that a thread keeps in registers; with more, too many spill.
+/// Max number of keys that a thread keeps in registers; with more, too many spill.
 const MAX_ITEMS: usize = 101;
 // Places of keys in shared memory are counted in 16 bits.
 const _: () = assert!(MAX_ITEMS * (THREADS as usize) < 1 << 16);
@@ -73,9 +73,11 @@ impl Sizes {
     fn check(&self) -> Result<(), CostsError> {
         let size = self.signals();
         let sorted = self.sorted();
+        // The kernels count numbers and places in 32 bits.
         let max = u32::MAX as usize / 4;
         let small = sorted <= max && self.candidates.saturating_mul(self.recordings) <= max;
         let fits =
+            // A grid has at most 65,535 blocks along y, one for each dimension.
             small && self.candidates <= max && self.dimensions <= 65_535 && size / self.samples.max(1) <= max;
         if size > 0 && fits { Ok(()) } else { Err(CostsError::Size(size)) }
     }
@@ -90,6 +92,7 @@ pub fn program(items: usize) -> Program {
 
 /// Bytes of shared memory of a block of `wasserstein`: a thread counts 16 digits, with one count of padding.
 pub fn shared(threads: u32, items: usize) -> u32 {
+    // Counts of keys in shared memory have 16 bits, those of keys in global memory 32.
     let counts = 17 * threads;
     if items > 0 { 2 * counts + 4 * threads * items as u32 } else { 4 * counts }
 }
@@ -140,6 +143,7 @@ impl Comparison {
         let items = items(device, sizes);
         let module = device.load(&program(items))?;
         let blocks = sizes.candidates * sizes.dimensions;
+        // The sort in global memory moves keys to and fro between two halves.
         let scratch = if items > 0 { 0 } else { blocks.saturating_mul(2 * sizes.sorted()) };
         let runs = sizes.candidates * sizes.recordings * sizes.dimensions;
         Ok(Self {
@@ -157,7 +161,7 @@ impl Comparison {
         })
     }
 
-    /// What it takes of the GPU's memory, by name, bytes.
+    /// Parts of the GPU's memory that it takes, by name, bytes.
     pub fn parts(device: &Device, sizes: Sizes) -> Vec<(&'static str, u64)> {
         let Sizes { candidates, recordings, samples, dimensions, .. } = sizes;
         let product =
@@ -165,7 +169,9 @@ impl Comparison {
         let keys = if items(device, sizes) > 0 { 0 } else { sizes.sorted().saturating_mul(2) };
         vec![
             ("keys", product(&[4, candidates, dimensions, keys])),
+            // Two arrays in double precision: as recorded, and sorted.
             ("measured", product(&[16, recordings, samples, dimensions])),
+            // With the squares of each recording, their sum, and the distance.
             ("squares", product(&[8, candidates, recordings + 2, dimensions])),
         ]
     }
@@ -260,7 +266,7 @@ impl Comparison {
         Ok(self.squares.read(stream)?)
     }
 
-    /// The same summed over recordings, `candidates × dimensions`.
+    /// As [`Comparison::squared_differences`], summed over recordings: `candidates × dimensions`.
     ///
     /// # Errors
     /// As [`Comparison::distances`].

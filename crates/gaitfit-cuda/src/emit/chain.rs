@@ -8,7 +8,7 @@ use super::EmitError;
 use super::op::{Node, Op};
 use super::source::Source;
 
-/// What a chain does.
+/// The operation of a chain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Adds.
@@ -20,7 +20,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// That of an operation.
+    /// The kind of chain that an operation continues.
     pub fn from_op(op: Op) -> Option<Self> {
         match op {
             Op::Add | Op::Sub | Op::Neg | Op::Fma | Op::Fnma => Some(Kind::Sum),
@@ -83,6 +83,7 @@ impl<'a> Chains<'a> {
                     && chains.reaches(inside, before, kind)
                 {
                     chains.kinds[index] = Some(kind);
+                    // The merge and the chain inside it both use `before`; the flattened chain takes it in once.
                     chains.uses[before as usize] -= 1;
                 }
             }
@@ -98,7 +99,7 @@ impl<'a> Chains<'a> {
             };
             for operand in inner {
                 let operand = operand as usize;
-                // What was made in another region stands for itself, for it is made at another time.
+                // A number that is made in another region stays a term of its own: it is made at another time.
                 let inside = node.op == Op::Merge && node.args[1] as usize == operand;
                 let together = inside || source.home[operand] == source.home[index];
                 if together && chains.uses[operand] == 1 && chains.kinds[operand] == kind {
@@ -177,6 +178,7 @@ impl<'a> Chains<'a> {
             let [guard, inside, before, _] = node.args;
             self.flatten(Walk { at: index, ..walk }, before, left_out, terms)?;
             let inner = Walk { at: index, gate: Some((guard, index)), ..walk };
+            // The chain inside begins with `before`, which is in the terms already.
             return self.flatten(inner, inside, &mut Some(before), terms);
         }
         for (operand, sign) in addends(node) {
@@ -190,7 +192,7 @@ impl<'a> Chains<'a> {
     }
 }
 
-/// Where a walk through a chain is.
+/// State of a walk through a chain.
 #[derive(Clone, Copy)]
 struct Walk {
     kind: Kind,

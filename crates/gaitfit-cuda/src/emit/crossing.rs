@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::op::Op;
 use super::program::{Kind, Program};
 
-/// What crosses a region's bounds.
+/// The numbers that cross the bounds of regions.
 pub struct Crossing {
     /// Nodes that are declared before the region they are made in.
     pub early: BTreeSet<u32>,
@@ -42,7 +42,7 @@ impl Program {
 }
 
 impl Crossing {
-    /// Finds them.
+    /// Finds the crossings of a program.
     pub fn new(program: &Program) -> Self {
         let mut crossing = Self {
             early: BTreeSet::new(),
@@ -71,6 +71,7 @@ impl Crossing {
             }
             let Some(home) = program.home[inside as usize] else { continue };
             let region = &program.regions[home as usize];
+            // Only a number that is there when the region begins can be a variable that the region changes.
             let guarded = matches!(region.kind, Kind::Guarded(_));
             if guarded && before < region.nodes.start && region.parent == program.home[index] {
                 self.set_inside.entry(home).or_default().push(index as u32);
@@ -95,7 +96,7 @@ impl Crossing {
         used
     }
 
-    /// What a loop hands on from guarded regions to guarded regions.
+    /// Finds the numbers that a loop hands on from guarded regions to guarded regions.
     fn find_held(&mut self, program: &Program, uses: &[(u32, Option<u32>, u32)]) {
         for (index, region) in program.regions.iter().enumerate() {
             let Kind::Loop { carried, .. } = &region.kind else { continue };

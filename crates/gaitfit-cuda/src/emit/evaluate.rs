@@ -49,6 +49,7 @@ impl Program {
             match &region.kind {
                 Kind::Guarded(guard) => {
                     if values[*guard as usize][0] == 0.0 {
+                        // NaN shows in the outputs if something reads what was not computed.
                         values[region.nodes.start as usize..at as usize].fill([f64::NAN; MAX_LANES]);
                     } else {
                         self.run(Some(index as u32), region.nodes.clone(), inputs, values);

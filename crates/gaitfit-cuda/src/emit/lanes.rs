@@ -32,7 +32,7 @@ impl Lanes {
                 lanes.carried.insert((region, place), 0);
             }
         }
-        // What loops hand on may belong to more lanes than it began with.
+        // A number that a loop hands on may belong to more lanes than it began with: passes repeat until none grows.
         loop {
             let mixed = lanes.pass(source, chains, inputs);
             let mut grown = false;

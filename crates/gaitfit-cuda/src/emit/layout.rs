@@ -13,7 +13,7 @@ use super::PeriodProgram;
 /// Threads in a tile.
 pub const TILE: usize = 32;
 
-/// What numbers are kept together.
+/// Kinds of numbers that are kept together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Class {
     /// Motion state: read and written.
@@ -22,11 +22,11 @@ pub enum Class {
     Params,
     /// Sent targets: read, and the newest written where modifications correct it.
     Targets,
-    /// What modifications remember: read and written.
+    /// Memory of modifications: read and written.
     Memory,
     /// Weights of modifications, one set a candidate.
     Weights,
-    /// What the last physics step shows: written only.
+    /// Report of the last physics step: written only.
     Report,
     /// Torques that disturb the joints: all tiles of the first physics step, then of the next.
     Disturbance,
@@ -57,7 +57,7 @@ impl Class {
         }
     }
 
-    /// That of an input.
+    /// The class of an input.
     fn from_input(input: &Input) -> Self {
         match input {
             Input::State(_) => Self::State,
@@ -73,7 +73,7 @@ impl Class {
 /// Where a number lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// With which others.
+    /// Class of the number.
     pub class: Class,
     /// The lane that has it, or `None` if all share it.
     pub lane: Option<usize>,
@@ -95,9 +95,9 @@ pub struct Slots {
 pub struct Layout {
     /// Threads of an environment.
     pub lanes: usize,
-    /// Of each input of the recording.
+    /// Place of each input of the recording.
     pub inputs: Vec<Place>,
-    /// Of each output of the recording: where the input of the same name lies; of a report, a place of its own.
+    /// Place of each output of the recording: that of the input of the same name; reports have places of their own.
     pub outputs: Vec<Place>,
     slots: [Slots; 7],
 }
@@ -111,6 +111,7 @@ impl Layout {
         for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {
             let class = Class::from_input(input);
             let of_class = &mut slots[class as usize];
+            // Counterparts of all lanes share a slot, a row of one number a thread.
             let slot = *first[twin as usize].get_or_insert_with(|| {
                 let count = if lane.is_some() { &mut of_class.own } else { &mut of_class.shared };
                 *count += 1;

@@ -77,7 +77,7 @@ impl Default for EmitOptions {
     }
 }
 
-/// What an input or output is, without its number in a list.
+/// Meaning of an input or output, without its number in a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Name {
     State(Slot),
@@ -119,10 +119,13 @@ impl PeriodProgram {
         }
         let masks: Vec<u8> = seats.lane.iter().map(|lane| lane.map_or(0, |lane| 1 << lane)).collect();
         let whole = Source::new(&period.graph, |_| 0);
+        // The lanes of the guards are needed before guards are dissolved, so they are found on the whole recording
+        // first.
         let owned = Lanes::new(&whole, &Chains::new(&whole), &masks)?.mask;
         let steady = of_parameters(period);
         let source = Source::new(&period.graph, |guard| {
-            // What a robot lacks it lacks all the time, and so do its neighbours: the branch is never taken apart.
+            // A guard that follows from parameters alone tells what a robot lacks. Its neighbours lack the same, so
+            // threads never take different branches.
             if steady[guard as usize] {
                 return 0;
             }
@@ -160,7 +163,7 @@ impl PeriodProgram {
     }
 }
 
-/// Of each node whether it follows from the robot's parameters alone.
+/// Tells of each node whether it follows from the robot's parameters alone.
 fn of_parameters(period: &PeriodGraph) -> Vec<bool> {
     let mut steady: Vec<bool> = Vec::with_capacity(period.graph.nodes.len());
     for node in &period.graph.nodes {

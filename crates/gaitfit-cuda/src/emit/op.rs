@@ -2,7 +2,7 @@
 
 use gaitfit_physics::trace;
 
-/// What a node computes from its operands.
+/// The operation of a node on its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Op {
     /// A constant, as the bits of its `f64`.
@@ -143,6 +143,7 @@ impl From<trace::Node> for Node {
 
 /// A number in the text.
 pub(super) fn literal(value: f64) -> String {
+    // C has no literal for infinity: the largest finite number stands for it.
     let value = (value as f32).clamp(f32::MIN, f32::MAX);
     format!("{value:?}f")
 }

@@ -23,7 +23,7 @@ pub struct Item {
     pub args: [u32; 4],
 }
 
-/// What a loop hands on: items of the first value and of that at the end of a turn.
+/// A number that a loop hands on: items of its first value and of its value at the end of a turn.
 #[derive(Clone, Copy, Debug)]
 pub struct Handed {
     /// In the first turn.
@@ -46,7 +46,7 @@ pub struct Plan {
     pub items: Vec<Item>,
     /// Constants that differ by lane.
     pub table: Vec<Vec<f64>>,
-    /// What each loop hands on, by its region.
+    /// Numbers that each loop hands on, by its region.
     pub handed: HashMap<u32, Vec<Handed>>,
     /// Items of the outputs, as they were asked for.
     pub outputs: Vec<u32>,
@@ -111,6 +111,7 @@ impl Planner<'_> {
         if let Some(&item) = self.known.get(&tuple) {
             return item;
         }
+        // A placeholder: `fill` sets the operation.
         let item = self.add((tuple[0], LAST), Op::Neg, &[]);
         self.known.insert(tuple.clone(), item);
         self.waiting.push((item, tuple));
@@ -270,6 +271,7 @@ impl Planner<'_> {
                 _ => return Err(EmitError::Mixes("a product")),
             }
         }
+        // Lanes run one program, so each needs a term at every place.
         let length = per_lane[0].len();
         if per_lane.iter().any(|terms| terms.len() != length) {
             return Err(EmitError::Unlike);
@@ -286,6 +288,7 @@ impl Planner<'_> {
         match all {
             None => self.set(item, op, &[part]),
             Some(all) => {
+                // Just before the chain's end, which is the last item of its place.
                 let sum = self.add((root, LAST - 1), op, &[part]);
                 self.set(item, joining(kind), &[sum, all]);
             }
@@ -324,6 +327,7 @@ impl Planner<'_> {
             if let (Some(merge), Some(inside)) = (merge, sum) {
                 let gates = run[0].iter().filter_map(|term| term.gate.map(|(guard, _)| guard));
                 let guard = self.intern(gates.collect());
+                // What a lane adds that leaves the region out. The extremes are finite, as the text has no infinity.
                 let neutral = match kind {
                     Kind::Sum => 0.0,
                     Kind::Max => f64::MIN,

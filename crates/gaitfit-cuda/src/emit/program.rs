@@ -21,7 +21,7 @@ pub enum Kind {
     Loop {
         /// Turns.
         count: usize,
-        /// What turns hand on: (in the first turn, at the end of a turn).
+        /// Numbers that turns hand on: (in the first turn, at the end of a turn).
         carried: Vec<(u32, u32)>,
     },
 }
@@ -52,7 +52,7 @@ pub struct Program {
     pub table: Vec<Vec<f64>>,
     /// Constants that [`Op::Gather`] reads, the same for all lanes.
     pub tables: Vec<Arc<[f64]>>,
-    /// What [`Op::Call`] computes.
+    /// Functions that [`Op::Call`] computes.
     pub functions: Vec<Arc<Graph>>,
     /// Nodes of the outputs.
     pub outputs: Vec<u32>,
@@ -149,6 +149,7 @@ impl Draft {
             }
         }
         for &output in self.outputs.iter().chain(self.handed.values().flatten().flat_map(|(a, b)| [a, b])) {
+            // Two, so that a product that is also an output never counts as used once.
             uses[output as usize] += 2;
         }
         for index in 0..self.nodes.len() {
@@ -259,7 +260,7 @@ fn around(source: &Source, region: u32) -> impl Iterator<Item = u32> + use<'_> {
         .take_while(|&region| region != NOWHERE)
 }
 
-/// What must run for a region's numbers to be there: guards (true) and loops.
+/// Guards (true) and loops (false) that must run for a region's numbers to be there.
 fn needs(source: &Source, region: u32) -> Vec<(bool, u32)> {
     let need = |region: u32| match source.regions[region as usize].guard {
         Some(guard) => (true, guard),

@@ -92,6 +92,7 @@ impl Seating {
             Owner::Link(link) => self.links.get(link).map(|place| (place.lane, Owner::Link(place.twin))),
             Owner::Joint(joint) => self
                 .links
+                // Link 0 is the base; each further link hangs on one joint.
                 .get(joint + 1)
                 .map(|place| (place.lane, Owner::Joint(place.twin.saturating_sub(1)))),
             Owner::Pair(pair) => self.pairs.get(pair).map(|place| (place.lane, Owner::Pair(place.twin))),
@@ -108,9 +109,10 @@ fn children(outline: &[LinkOutline]) -> Vec<Vec<usize>> {
     children
 }
 
-/// The kind of each subtree.
+/// The kind of each subtree, as a text: equal texts mean equal subtrees, their children in the same order.
 fn kinds(outline: &[LinkOutline], children: &[Vec<usize>]) -> Vec<String> {
     let mut kinds = vec![String::new(); outline.len()];
+    // From the last link on: children have larger numbers than their parents.
     for link in (0..outline.len()).rev() {
         let inner: String = children[link].iter().map(|&child| kinds[child].as_str()).collect();
         kinds[link] = format!("({}{inner})", outline[link].kind);

@@ -16,7 +16,7 @@ pub struct Nodes {
     pub home: Vec<u32>,
     /// Region of the nodes to come.
     pub current: u32,
-    /// What must run for a region's numbers to be there, one a region.
+    /// Guards and loops that must run for a region's numbers to be there, one list a region.
     pub needs: Vec<Vec<(bool, u32)>>,
     known: HashMap<Node, Vec<u32>>,
 }
@@ -33,6 +33,7 @@ impl Nodes {
     }
 
     fn find(&self, node: &Node) -> Option<u32> {
+        // An equal operation in a region that need not have run cannot stand for this one.
         self.known.get(node)?.iter().rev().copied().find(|&known| self.reachable(known))
     }
 
@@ -41,6 +42,7 @@ impl Nodes {
         let node = Node::new(op, operands);
         let mut swapped = node;
         if matches!(op, Op::Add | Op::Mul | Op::Min | Op::Max | Op::Fma | Op::Fnma) {
+            // Sums and products do not depend on the order of their operands; the factors of an fma may be exchanged.
             swapped.args.swap(0, 1);
         }
         if let Some(known) = self.find(&node).or_else(|| self.find(&swapped)) {

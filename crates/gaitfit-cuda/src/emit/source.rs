@@ -32,7 +32,7 @@ pub struct Source {
     pub home: Vec<u32>,
     /// Regions; those dissolved have neither guard nor turns and are nobody's home.
     pub regions: Vec<SourceRegion>,
-    /// What was asked for.
+    /// Nodes of the outputs.
     pub outputs: Vec<u32>,
     /// Whether an output needs the node.
     pub live: Vec<bool>,
@@ -51,6 +51,7 @@ impl Source {
         let mut work = vec![0usize; count];
         for region in &graph.regions {
             if let RegionKind::Guarded(guard) = region.kind {
+                // Several regions may have the same guard: they are dissolved together or not at all.
                 work[guard.0 as usize] += operations(graph, &region.nodes);
             }
         }
@@ -63,6 +64,7 @@ impl Source {
                 node.args[k] = alias[node.args[k] as usize];
             }
             if node.op == Op::Merge && dissolved(node.args[0]) {
+                // A dissolved region always runs, so its merge is the number that it makes.
                 alias[index] = node.args[1];
             }
             nodes.push(node);

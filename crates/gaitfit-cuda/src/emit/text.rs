@@ -75,7 +75,7 @@ pub(super) struct Writer<'a> {
     text: String,
     pub(super) depth: usize,
     pub(super) crossing: Crossing,
-    /// What has been read, of every open block, and whether the block begins afresh.
+    /// Numbers that each open block has read, and whether the block begins afresh.
     pub(super) read: Vec<(bool, BTreeSet<u32>)>,
     /// Open regions.
     open: Vec<u32>,
@@ -123,7 +123,7 @@ impl<'a> Writer<'a> {
         let _ = writeln!(self.text, "{:indent$}{text}", "");
     }
 
-    /// What stands for a node in an expression; what is read late is read before, unless it has been.
+    /// Text of a node in an expression. Writes the reading of a number that is read late, unless it has been read.
     pub(super) fn operand(&mut self, node: u32) -> String {
         let (node, minus) = self.bare(node);
         if self.read_late(node) || self.room(node).is_some() {
@@ -241,6 +241,7 @@ impl<'a> Writer<'a> {
         self.block(None, 0..self.program.nodes.len() as u32);
         let mut kept = BTreeSet::new();
         for (&place, &(_, output)) in self.layout.outputs.iter().zip(&period.outputs) {
+            // Outputs of all lanes share a slot: one statement writes it in every thread.
             if kept.insert((place.class, place.lane.is_some(), place.slot)) {
                 let value = self.operand(self.program.outputs[output as usize]);
                 let who = if place.lane.is_some() { "OWN" } else { "ALL" };

@@ -139,6 +139,8 @@ impl Writer<'_> {
             match self.program.nodes[bare as usize].op {
                 Op::Variable(own, other) if own == index => {
                     if minus || other != place as u32 {
+                        // Turns hand numbers on at the same time: what a later line reads must not have been
+                        // overwritten.
                         self.line(&format!("const R n{index}_{place} = {value};"));
                         assigned.push(format!("{name} = n{index}_{place};"));
                     }

@@ -21,13 +21,13 @@ const MAX_SHOWN_BYTES: usize = 256 << 20;
 pub struct Measured {
     /// Samples at the beginning of each recording that do not count.
     pub skip: usize,
-    /// Of each dimension: the samples that count, of all recordings, ascending.
+    /// Samples that count, of all recordings, dimension by dimension, each ascending.
     pub sorted: Vec<f64>,
     /// `recordings × samples × dimensions`; what is behind a recording's end is not looked at.
     pub samples: Vec<f64>,
 }
 
-/// What of a candidate is computed.
+/// The part of a cost that is computed of a candidate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
     /// Wasserstein-1 distances of pooled samples.
@@ -36,12 +36,12 @@ pub enum Compared {
     Squares,
 }
 
-/// What a candidate's cost is made of.
+/// Parts of a candidate's cost.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts {
-    /// Of each recording: the sample of the fall, or the number of samples.
+    /// Sample of the fall in each recording, or the number of samples.
     pub ends: Vec<u32>,
-    /// Of each dimension of the signals, unscaled.
+    /// Distance or sum of squares of each dimension of the signals, unscaled.
     pub pieces: Vec<f64>,
 }
 
@@ -111,7 +111,7 @@ impl Candidates {
         Ok(())
     }
 
-    /// What the cost of each job is made of; `compared` says what of each. Before it [`Candidates::measure`].
+    /// Computes the parts of each job's cost that `compared` asks for. [`Candidates::measure`] must be called before.
     ///
     /// # Errors
     /// Candidates that cannot be simulated; a failure of the GPU; [`FitError::Cancelled`].
@@ -123,13 +123,15 @@ impl Candidates {
         cancel: &dyn Fn() -> bool,
     ) -> Result<Vec<Parts>, FitError> {
         let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
-        // Of a robot that walks the base is not compared by distances.
+        // The base of a robot that walks is not compared by distances.
         let by_distance = match subject {
+            // The last six: position and velocity.
             Subject::Walk(..) => dimensions.saturating_sub(6),
             Subject::Predict(_) | Subject::Replay(_) => dimensions,
         };
         let mut parts: Vec<Option<Parts>> = vec![None; jobs.len()];
         for (structure, mut own) in self.groups(subject, jobs)? {
+            // A session computes distances of its first candidates alone.
             own.sort_by_key(|&job| compared[job] == Compared::Squares);
             let mut rest = own.as_slice();
             while !rest.is_empty() {

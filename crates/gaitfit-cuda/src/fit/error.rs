@@ -60,7 +60,7 @@ pub enum FitError {
     On {
         /// The GPU's number.
         ordinal: usize,
-        /// What failed there.
+        /// The failure of that GPU.
         error: Box<Self>,
     },
     /// It was asked to give up.
@@ -69,7 +69,7 @@ pub enum FitError {
 }
 
 impl FitError {
-    /// What failed, on whichever GPU.
+    /// The failure itself, without the number of the GPU.
     pub fn cause(&self) -> &Self {
         match self {
             Self::On { error, .. } => error.cause(),

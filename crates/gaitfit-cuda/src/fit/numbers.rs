@@ -1,4 +1,4 @@
-//! What of candidates goes to the GPU.
+//! Numbers of candidates that go to the GPU.
 
 use std::borrow::Cow;
 
@@ -83,12 +83,12 @@ impl Numbers {
     }
 }
 
-/// What predictions of some candidates need besides their numbers.
+/// Data that predictions of some candidates need besides their numbers.
 #[derive(Clone, Copy)]
 pub struct Readings<'a> {
     /// The robot.
     pub walker: &'a Walker,
-    /// What the logs' sensors read.
+    /// Readings of the logs' sensors.
     pub courses: &'a [predict::Course],
     /// [`predict::Job::feet_trust`] of each job.
     pub trust: &'a [f64],

@@ -75,7 +75,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Of `sizes.candidates` candidates on the recordings of `tables`.
+    /// The plan of `sizes.candidates` candidates on the recordings of `tables`.
     pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
         let environments = sizes.environments();
         let logs = tables.earlier.is_some();
@@ -106,7 +106,7 @@ impl Plan {
                 if logs {
                     others.push(("starts", Kind::F32, environments * (13 + 2 * joints)));
                 }
-                // Of layers of 128 numbers no thread is idle.
+                // With layers of 128 numbers no thread is idle.
                 let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
                 Step::Walk(threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX))
             }
@@ -180,7 +180,7 @@ impl Plan {
         )
     }
 
-    /// What is recorded and sent at sample `sample`, before the physics of its control period.
+    /// The launch that records and sends at sample `sample`, before the physics of its control period.
     pub fn step(&self, sample: usize) -> Launch {
         let Sizes { recordings, samples, rows, .. } = self.sizes;
         let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];

@@ -119,7 +119,7 @@ impl Predictions {
         Ok(few)
     }
 
-    /// What the GPU needs of these jobs, which share a structure.
+    /// Numbers of these jobs, which share a structure, for the GPU.
     fn numbers(
         &self,
         walker: &Walker,

@@ -16,7 +16,7 @@ use crate::spots::{Spot, Spots, input_spots};
 /// a fit has few environments.
 const LANES: usize = 4;
 
-/// What is simulated of candidates.
+/// Kind of simulation that candidates are compared in.
 #[derive(Clone, Copy)]
 pub enum Subject<'a> {
     /// A policy walks on them.
@@ -27,19 +27,19 @@ pub enum Subject<'a> {
     Replay(&'a Replay),
 }
 
-/// What candidates have besides parameters of the robot. Those of one program share it.
+/// The parts of candidates besides parameters of the robot. Candidates of one program share them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
     /// Kinds and joints of the networks.
     pub networks: Vec<(NetworkKind, Vec<usize>)>,
     /// Whether torques disturb the joints.
     pub disturbed: bool,
-    /// What of the model they keep.
+    /// Parameters that they keep from the model.
     pub kept: Kept,
 }
 
 impl Structure {
-    /// Of a candidate.
+    /// The structure of a candidate.
     pub fn new(candidate: &Candidate) -> Self {
         let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
         Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::from_robot(&candidate.robot) }
@@ -132,11 +132,11 @@ impl Subject<'_> {
     }
 }
 
-/// What is simulated as the kernels see it.
+/// A subject as the kernels see it.
 pub struct Scene<'a> {
-    /// What is simulated.
+    /// The subject of the simulation.
     pub subject: Subject<'a>,
-    /// Its physics.
+    /// The physics of its control period.
     pub period: &'a Period,
     pub(super) spots: Spots,
     /// Places of all parameters.

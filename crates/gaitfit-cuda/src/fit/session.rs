@@ -15,13 +15,13 @@ use crate::physics::{Batch, Period};
 use crate::ppo::{Id, Launch, Storage, Stored};
 use crate::runtime::{Buffer, CudaError, Device, Graph, HostBuffer, Kernel, Stream};
 
-/// Most samples of which the steps are one graph; more are started one by one.
+/// Max number of samples whose steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
-/// Most robots of a block of the policy's kernel.
+/// Max number of robots of a block of the policy's kernel.
 const MAX_ROWS: usize = 16;
-/// Bytes of shared memory that the text of the policy's kernel declares, at most.
+/// Max bytes of shared memory that the text of the policy's kernel declares.
 const DECLARED: usize = 1024;
-/// The part of the free memory that candidates may take.
+/// Share of the free memory that candidates may take.
 const SHARE: f64 = 0.8;
 
 /// Candidates of one structure.
@@ -64,6 +64,7 @@ impl Physics {
         let of_class = |class: Class| {
             let times = match class {
                 Class::Disturbance => self.period.substeps(),
+                // All recordings of a candidate share its weights.
                 Class::Weights => return 4 * layout.size(class),
                 _ => 1,
             };
@@ -114,6 +115,7 @@ impl Session {
         let plan = Plan::new(&scene, &tables, sizes(rows));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
         let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
+        // A block of fewer robots needs less shared memory; 4 is the least that the kernel takes.
         let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(4)) } else { plan };
         if too_wide(&plan) {
             return Err(FitError::TooWide { needed: plan.shared(), rows: 4, available });

@@ -8,7 +8,7 @@ use super::{Candidates, FitError};
 /// Asked now and then from any thread; true to give up.
 pub(super) type Cancel<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// What does a share of the jobs.
+/// One that does a share of the jobs.
 pub(super) trait Worker: Send {
     /// The number of its GPU, for messages.
     fn ordinal(&self) -> usize;
@@ -22,6 +22,7 @@ impl Worker for Candidates {
 
 /// The share of `jobs` that worker `number` of `workers` does: contiguous, and at most one larger than another's.
 fn share(jobs: usize, workers: usize, number: usize) -> Range<usize> {
+    // The first `jobs % workers` workers do one job more.
     let from = |number: usize| number * (jobs / workers) + number.min(jobs % workers);
     from(number)..from(number + 1)
 }
@@ -65,6 +66,7 @@ pub(super) fn shared<W: Worker, T: Send>(
             Err(error) => failures.push(error),
         }
     }
+    // Workers that were asked to stop report `Cancelled`, which hides the reason.
     let graver = |first, next| if matches!(first, FitError::Cancelled) { next } else { first };
     failures.into_iter().reduce(graver).map_or(Ok(values), Err)
 }
@@ -145,7 +147,7 @@ mod tests {
         assert!(matches!(error.cause(), FitError::Cuda(_)));
         let text = error.to_string();
         assert!(text.starts_with("cuda:3: ") && text.contains("the bus is cut"), "{text}");
-        // Of one GPU alone the message is as it was.
+        // The message of a single GPU does not name it.
         let alone = shared(&mut toys(1), 9, &|| false, |_, _, _| -> Result<(), _> { Err(broken()) });
         assert_eq!(alone.unwrap_err().to_string(), broken().to_string());
     }

@@ -1,4 +1,4 @@
-//! What recordings give to the simulated robots, as the kernels' arrays.
+//! Data of recordings that simulated robots follow, as the kernels' arrays.
 
 use gaitfit_physics::{State, compile};
 use gaitfit_policy::Policy;
@@ -11,10 +11,10 @@ use super::text::{copied, leg_joints};
 use super::{FitError, Subject};
 use crate::words::{unknown, unobserved};
 
-/// Numbers of the base's orientation and rates.
+/// Numbers of the base's orientation (a quaternion) and rates.
 const IMU_SIGNALS: usize = 7;
 
-/// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
+/// Data of recordings that simulated robots follow. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
     /// Samples of each recording.
@@ -34,7 +34,7 @@ pub struct Tables {
 }
 
 impl Tables {
-    /// Of robots that follow `scripts` under `policy`.
+    /// Tables of robots that follow `scripts` under `policy`.
     ///
     /// # Errors
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
@@ -58,6 +58,7 @@ impl Tables {
             let length = script.commands.len();
             script.states.len() >= length && script.actions.len() >= length * actions
         });
+        // Base: position (3), quaternion (4), linear and angular velocity (3 each). Joints: positions and velocities.
         let width = 13 + 2 * joints;
         let rows = scripts.len() * samples;
         let mut commands = vec![0.0; 3 * rows];
@@ -128,7 +129,7 @@ impl Tables {
         }
     }
 
-    /// Of clamped robots that are given their recordings' targets.
+    /// Tables of clamped robots that are given their recordings' targets.
     ///
     /// # Errors
     /// A robot that cannot be stepped.

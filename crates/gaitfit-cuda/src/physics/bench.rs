@@ -16,7 +16,7 @@ use super::{Batch, DeviceError, Period, PeriodOptions};
 use crate::emit::EmitOptions;
 use crate::runtime::{Device, Event, Stream};
 
-/// What is measured.
+/// Settings of a measurement.
 #[derive(Clone, Debug)]
 pub struct PhysicsBench {
     /// Solver effort.
@@ -35,12 +35,12 @@ pub struct PhysicsBench {
     pub repetitions: usize,
 }
 
-/// What was measured.
+/// Results of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicsSpeed {
     /// Environment substeps per second, median over repetitions.
     pub substeps_per_second: f64,
-    /// The same, best repetition.
+    /// Environment substeps per second of the best repetition.
     pub best_substeps_per_second: f64,
     /// Threads of an environment.
     pub lanes: usize,
@@ -69,9 +69,9 @@ pub struct PhysicsSpeed {
 
 /// Different robots of a batch; more environments are copies.
 const ROBOTS: usize = 1024;
-/// Control periods before anything is looked at.
+/// Control periods before anything is looked at, so that robots trot by then.
 const WARM_UP: usize = 12;
-/// Physics steps of one timed graph, about.
+/// Number of physics steps of one timed graph, about: several launches, so that the start of one does not count.
 const TIMED_SUBSTEPS: usize = 80;
 
 /// Measures the step of `model` on a GPU, and holds one control period of 1,024 robots against `f64`.
@@ -253,7 +253,7 @@ fn time(
     Ok(times)
 }
 
-/// As a GPU has them.
+/// Parameters in single precision, as a GPU has them.
 fn rounded(mut params: Params<f64>) -> Params<f64> {
     params.visit_mut(|_, number| *number = f64::from(*number as f32));
     params
@@ -275,6 +275,7 @@ fn difference(want: &State<f64>, got: &[f32]) -> (f64, f64) {
         let error = if error.is_nan() { f64::INFINITY } else { error };
         match slot.name {
             "qvel" | "linear" | "angular" => velocity = velocity.max(error),
+            // The last step's accelerations are a start for the solver, not motion.
             "qacc" | "acceleration" => {}
             _ => position = position.max(error),
         }

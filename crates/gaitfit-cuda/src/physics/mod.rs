@@ -40,9 +40,9 @@ pub enum DeviceError {
     Constant {
         /// The parameter.
         slot: Slot,
-        /// What the program has.
+        /// Value of the parameter in the program.
         constant: f64,
-        /// What the robot has.
+        /// Value of the parameter in the robot.
         number: f64,
     },
     /// A batch's numbers.

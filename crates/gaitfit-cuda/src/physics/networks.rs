@@ -15,9 +15,9 @@ pub struct Shared {
     /// The networks asked for; behind those of each modification, further ones on the same joints of the other limbs.
     /// Without weights, which are 0, those change nothing.
     pub modifications: Vec<JointModification<Known>>,
-    /// Of each number that they remember, whether it is one of a network asked for.
+    /// Whether each number that they remember is of a network asked for.
     pub memory: Vec<bool>,
-    /// Of each weight, likewise.
+    /// Whether each weight is of a network asked for.
     pub weights: Vec<bool>,
 }
 

@@ -13,7 +13,7 @@ pub(super) const BLOCK: usize = 64;
 /// Threads that a multiprocessor runs at once, for a step takes all registers that a thread may have (255 of 65,536).
 const THREADS_PER_PROCESSOR: usize = 256;
 
-/// What a period's program is for.
+/// Settings of a period's program.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PeriodOptions {
     /// Physics steps in the period.
@@ -26,8 +26,8 @@ pub struct PeriodOptions {
     pub emit: EmitOptions,
 }
 
-/// Most operations of a program for two threads an environment: text much longer than this does not fit the GPU's cache
-/// of instructions, nor its numbers the registers.
+/// Max number of operations of a program for two threads an environment: text much longer than this does not fit the
+/// GPU's cache of instructions, nor its numbers the registers.
 const LONGEST_FOR_TWO: usize = 6000;
 
 /// The program of one robot's control period.
@@ -36,9 +36,9 @@ pub struct Period {
     pub(crate) graph: PeriodGraph,
     pub(super) shared: PeriodProgram,
     pub(super) layout: Layout,
-    /// Of each number that networks remember, whether it is one of those asked for.
+    /// Whether each number that networks remember is of a network asked for.
     pub(crate) memory: Vec<bool>,
-    /// Of each weight of networks, likewise.
+    /// Whether each weight of networks is of a network asked for.
     pub(super) weights: Vec<bool>,
     /// Parameters that are constants of the program.
     pub(super) fixed: Vec<(Slot, f64)>,
@@ -160,7 +160,7 @@ impl Period {
         self.sensors
     }
 
-    /// What the program takes, in the recording's order.
+    /// Inputs of the program, in the recording's order.
     pub fn inputs(&self) -> impl Iterator<Item = &Input> {
         self.graph.inputs.iter()
     }

@@ -33,7 +33,7 @@ pub enum PpoError {
     /// More than the kernels count.
     #[error("{what} are {found}, the GPU's learner takes up to {max}: use the CPU")]
     TooMany {
-        /// What.
+        /// The numbers.
         what: &'static str,
         /// How many.
         found: usize,

@@ -37,6 +37,7 @@ impl Flat {
                 rest = others;
                 part
             });
+            // Networks and spread together, memories apart: the GPU has a kernel of Adam for each.
             [[parts[0], parts[2], rest].concat(), [parts[1], parts[3]].concat()]
         };
         let ([first, of_memories], [second, second_of_memories]) = (apart(first), apart(second));

@@ -4,7 +4,7 @@ use super::learner::Learner;
 use crate::runtime::{Argument, Buffer, CudaError, Stream};
 
 impl Learner {
-    /// What the actor and the critic remember of each environment, a row an environment as
+    /// Memories of the actor and the critic in each environment, a row an environment as
     /// [`gaitfit_policy::network::Memory::append_row`] gives it; empty without memories.
     ///
     /// # Errors
@@ -64,6 +64,8 @@ impl Learner {
         let short = critic_observation.len() < expected || value.len() < rows;
         let environments = self.batch.environments;
         if self.plan.remember_tail(0).is_some() && !short {
+            // The first part begins with what is remembered now, the others with what was remembered before their
+            // cuts.
             for part in 0..rows / environments.max(1) {
                 let Some((launches, [seen, before])) = self.plan.remember_tail(part) else { continue };
                 for (number, launch) in launches.iter().enumerate() {

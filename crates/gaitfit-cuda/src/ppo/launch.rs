@@ -1,4 +1,4 @@
-//! What a plan is made of.
+//! Launches, their arguments and the arrays of a plan.
 
 use crate::runtime::{Argument, CudaError, Kernel, Shape, Stream};
 
@@ -37,7 +37,7 @@ impl Batch {
     }
 }
 
-/// What an array holds.
+/// Type of an array's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// 32-bit floats.

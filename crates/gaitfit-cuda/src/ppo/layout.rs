@@ -29,7 +29,7 @@ pub struct TooWide {
 pub(super) struct NetLayout {
     /// Widths of input, hidden layers and output.
     pub widths: Vec<usize>,
-    /// The same, padded.
+    /// The widths, padded to what the matrix units take at a time.
     pub padded: Vec<usize>,
     /// How far apart a layer's rows lie in shared memory, numbers.
     pub apart: Vec<usize>,
@@ -80,14 +80,14 @@ fn sum(m: usize, n: usize, columns: usize) -> usize {
     (((m / 16) * (columns / 32) + n / 32) * 4 + n % 32 / 8) * 128 + thread * 4 + number
 }
 
-/// The same of bf16 (mma.m16n8k16): 16 × 16 at a time, of which thread 4 g + t holds rows 2 t, 2 t + 1, 2 t + 8 and
+/// [`factor`] in bf16 (mma.m16n8k16): 16 × 16 at a time, of which thread 4 g + t holds rows 2 t, 2 t + 1, 2 t + 8 and
 /// 2 t + 9 of columns g and g + 8.
 fn factor_bf16(k: usize, n: usize, columns: usize) -> usize {
     let (thread, pair) = (n % 8 * 4 + k % 8 / 2, n % 16 / 8 * 2 + k % 16 / 8);
     (k / 16 * (columns / 16) + n / 16) * 256 + thread * 8 + pair * 2 + k % 2
 }
 
-/// The same of bf16: 16 × 8 at a time, first the upper 8 rows, then the lower.
+/// [`sum`] in bf16: 16 × 8 at a time, first the upper 8 rows, then the lower.
 fn sum_bf16(m: usize, n: usize, columns: usize) -> usize {
     let half = (m / 16 * (columns / 8) + n / 8) * 2 + m % 16 / 8;
     half * 64 + m % 8 * 8 + n % 8
@@ -97,7 +97,7 @@ impl NetLayout {
     /// For products of this precision.
     pub(super) fn new(shape: &Shape, precision: Precision) -> Self {
         let bf16 = precision == Precision::Bf16;
-        // What columns are a multiple of, what rows are further apart than they are long, numbers of a word.
+        // Columns are a multiple of `align`; rows are `gap` numbers further apart than they are long.
         let (align, gap, per_word) = if bf16 { (16, 8, 2) } else { (32, 0, 1) };
         let (factor, sum): (Place, Place) = if bf16 { (factor_bf16, sum_bf16) } else { (factor, sum) };
         let layers = shape.layers();
@@ -110,9 +110,11 @@ impl NetLayout {
             places.push(end);
             end += width;
         }
-        // What a network gives is in f32, and where the numbers are others, behind them.
+        // The output of a network is in f32: behind the others, where those are in bf16.
         let given = if bf16 { apart.last().copied().unwrap_or(0) } else { 0 };
         let bytes = (end / per_word + given) * size_of::<f32>();
+        // Each matrix lies there twice, for the way forth and transposed for the way back: the matrix units read both
+        // row by row.
         let (mut weights, mut biases, mut backs, mut packed) = (Vec::new(), Vec::new(), Vec::new(), 0);
         let (mut gradients, mut gradient, mut work) = ([Vec::new(), Vec::new()], 0, 0);
         let size = shape.parameters();
@@ -139,6 +141,8 @@ impl NetLayout {
             }
             packed += 2 * words + outputs;
             gradient += area + outputs;
+            // Forth, the weights' derivatives, and the derivatives of what goes in, which the first layer does not
+            // need.
             work += area * if index == 0 { 2 } else { 3 };
         }
         Self {

@@ -13,10 +13,10 @@ use super::storage::{Storage, Stored};
 use super::together::update_together;
 use crate::runtime::{Argument, CudaError, Device, Event, Graph, Kernel, Stream};
 
-/// Least compute capability: the matrix units' TF32.
+/// Min compute capability: matrix units take TF32 from Ampere on.
 const CAPABILITY: (i32, i32) = (8, 0);
 
-/// A logarithm of σ of which the exponential is 0.
+/// A logarithm of σ whose exponential is 0 in single precision.
 const NO_EXPLORATION: f32 = -1e4;
 
 /// Networks, optimiser and samples in a GPU's memory; see the module.
@@ -25,10 +25,10 @@ pub struct Learner {
     arrays: Vec<Storage>,
     kernels: Vec<(&'static str, Kernel)>,
     stream: Stream,
-    /// What needs not wait runs here, between these marks.
+    /// Work that need not wait runs here, between these marks.
     aside: Stream,
     marks: [Event; 2],
-    /// Of several GPUs: after what this one says in an exchange.
+    /// With several GPUs: the mark after what this one writes for an exchange.
     said: Event,
     /// The update, in parts between which GPUs tell each other numbers; empty until it is first run.
     graphs: Vec<Graph>,
@@ -266,6 +266,7 @@ impl Learner {
 
     /// Tells the kernels of an update what they must know.
     pub(super) fn begin(&mut self, iteration: u32) -> Result<(), CudaError> {
+        // In the warm-up the critic learns alone; at its end the optimiser's moments begin anew.
         let warmup = self.settings.critic_warmup.unwrap_or(0);
         let flags = [u32::from(iteration < warmup), u32::from(warmup > 0 && iteration == warmup)];
         let [critic_alone, reset] = flags;
@@ -287,6 +288,8 @@ impl Learner {
                 if part.start > apart.start {
                     start(stream, &launches[part])?;
                 } else {
+                    // The deal of samples needs none of the advantages: it runs beside them, and both join before the
+                    // gradient steps.
                     fork.record(stream)?;
                     self.aside.wait_for(fork)?;
                     start(&self.aside, &launches[apart.clone()])?;
@@ -330,7 +333,7 @@ impl Learner {
         &self.stream
     }
 
-    /// What the update is made of.
+    /// The plan of the update.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }

@@ -10,7 +10,7 @@ use crate::runtime::Program;
 use crate::words::unknown;
 use gaitfit_policy::network::RecurrentShape;
 
-/// What the update's plan must know of a GPU.
+/// Properties of a GPU that the update's plan must know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Multiprocessors.
@@ -81,9 +81,9 @@ impl Prepared {
     }
 }
 
-/// Most minibatches: each block counts its samples of every one.
+/// Max number of minibatches: each block counts its samples of every one in shared memory.
 const MAX_MINIBATCHES: usize = 8192;
-/// Most numbers of an array: kernels count in 32 bits.
+/// Max number of numbers of an array: kernels count in 32 bits.
 const MAX_NUMBERS: usize = u32::MAX as usize / 2;
 
 fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> Result<(), PpoError> {

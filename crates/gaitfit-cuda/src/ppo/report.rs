@@ -12,9 +12,10 @@ use crate::runtime::CudaError;
 pub(super) const LEARNING_RATE: usize = 0;
 pub(super) const STEPS: usize = 1;
 const FAULT: usize = 5;
+/// The fault of samples that are not finite: beyond the numbers of the culprits below, which count from 1.
 const FAULT_SAMPLES: f64 = 100.0;
 
-/// What an update says of itself: the same on all GPUs, but for numbers of samples that are none.
+/// The report of an update. It is the same on all GPUs, but for samples that are not finite.
 pub(super) fn together(
     learners: &[Learner],
     states: &[Vec<f64>],
@@ -80,6 +81,7 @@ impl Learner {
             let width = (numbers.len() / rows.max(1)).max(1);
             if let Some(place) = numbers.iter().position(|number| !number.is_finite()) {
                 let (row, element) = (place / width, place % width);
+                // Numbered as in the whole training, so that the message is the same for any number of GPUs.
                 let environment = share.number * environments + row % environments;
                 return Ok(Some(UpdateError::from(SamplesError::NotFinite {
                     tile: environment / tile,

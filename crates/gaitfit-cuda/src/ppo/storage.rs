@@ -32,7 +32,7 @@ impl Storage {
         }
     }
 
-    /// What its numbers are.
+    /// Type of its numbers.
     pub(crate) fn kind(&self) -> Kind {
         match self {
             Self::F32(_) => Kind::F32,

@@ -10,16 +10,17 @@ use crate::runtime::Program;
 
 /// Threads of a block of the large kernel.
 pub(super) const THREADS: usize = 512;
-/// Samples that a block works on together, if they fit into shared memory.
+/// Numbers of samples that a block works on together, best first; the first that fits into shared memory is taken. In
+/// bf16, of those that fit, the cheapest is taken.
 const ROWS: [usize; 2] = [64, 32];
 const ROWS_BF16: [usize; 5] = [192, 128, 96, 64, 32];
 /// Samples of a block that only looks ahead: in a rollout there are few, for all multiprocessors.
 const FORESEEN_BF16: [usize; 2] = [64, 32];
-/// What a tile costs besides its samples, in samples.
+/// Cost of a tile besides its samples, in samples.
 const TILE_COST: usize = 32;
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
-/// Most actions: each is a thread's in places.
+/// Max number of actions: in places each has a thread of a block of 256, beside those of the losses.
 pub(super) const MAX_ACTIONS: usize = 256 - LOSSES;
 
 /// The text for one learner and what the launches must know of it.
@@ -32,7 +33,7 @@ pub(super) struct Text {
     pub rows: usize,
     /// Bytes of shared memory of the large kernel.
     pub shared: usize,
-    /// The same of the kernel that looks ahead.
+    /// Samples of a tile, and bytes of shared memory, of the kernel that looks ahead.
     pub foreseen: usize,
     pub foreseen_shared: usize,
 }
@@ -59,6 +60,7 @@ impl Text {
         room: Room,
     ) -> Result<Self, TooWide> {
         let nets = [actor, critic].map(|shape| NetLayout::new(shape, precision));
+        // Blocks of actor and critic run in one launch, which has one size of shared memory.
         let widest = nets[0].bytes.max(nets[1].bytes);
         let losses = (LOSSES + widths.action) * size_of::<f32>();
         let (rows, foreseen): (&[usize], &[usize]) = match precision {

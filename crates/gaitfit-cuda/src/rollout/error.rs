@@ -22,7 +22,7 @@ pub enum RolloutError {
     /// The task or its robots.
     #[error(transparent)]
     Task(#[from] TaskError),
-    /// What the CPU's training would have said too.
+    /// An error that the CPU's training would have reported too.
     #[error(transparent)]
     Training(#[from] TrainingError),
     /// Trajectories that only the CPU simulates.
@@ -67,13 +67,13 @@ pub enum RolloutError {
     On {
         /// The GPU's number.
         ordinal: usize,
-        /// What failed there.
+        /// The failure of that GPU.
         error: Box<Self>,
     },
 }
 
 impl RolloutError {
-    /// What failed, on whichever GPU.
+    /// The failure itself, without the number of the GPU.
     pub fn cause(&self) -> &Self {
         match self {
             Self::On { error, .. } => error.cause(),

@@ -36,7 +36,7 @@ pub struct Packed {
     pub returns: Vec<f32>,
     /// Last rows of the actor, environment by environment; empty without past frames.
     pub past: Vec<f32>,
-    /// The same of the critic.
+    /// Last rows of the critic, likewise.
     pub critic_past: Vec<f32>,
     /// Ways on generated ground, a row a number; empty without.
     pub ways: Vec<f32>,
@@ -141,6 +141,7 @@ impl Packed {
 pub fn imu_rows(candidates: &[Candidate], environments: Range<usize>) -> Vec<f32> {
     let numbers = |candidate: &Candidate| Imu::numbers(candidate.sensors.imu().as_ref());
     let units: Vec<[f32; IMU_NUMBERS]> = candidates.iter().map(numbers).collect();
+    // Candidates take turns over the environments of the whole training, of which these are a part.
     let first = environments.start % units.len().max(1);
     let row = |k: usize| units.iter().map(move |unit| unit[k]).cycle().skip(first).take(environments.len());
     (0..IMU_NUMBERS).flat_map(row).collect()

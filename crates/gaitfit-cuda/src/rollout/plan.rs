@@ -20,18 +20,19 @@ pub enum Home {
     Caller,
 }
 
-/// Numbers in `control`; see [`control`].
+/// Numbers in `control`: the first step, the seed (2 words), six ends of ranges in double precision (2 words each),
+/// and the first environment; see [`control`].
 const CONTROL: usize = 16;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
 /// Threads of each environment at the end of a step: each computes some of the reward's terms.
 pub(super) const FINISH_PARTS: u32 = 4;
-/// The same of what is recorded, a thread a number.
+/// Threads of a block where each thread records a number.
 const RECORDERS: u32 = 128;
 
 /// Numbers of a base in the array `motion`: position, orientation, velocity, rates.
 pub(super) const BASE_NUMBERS: usize = 13;
-/// What observations are made from, and where they go.
+/// Arrays that observations are made from, and those that they go to.
 const OBSERVED: [&str; 13] = [
     "control",
     "robot_state",
@@ -48,8 +49,8 @@ const OBSERVED: [&str; 13] = [
     "critic_observation",
 ];
 
-/// What kernels are told before a rollout: number of the first step, the seed, the ranges of commands (forward, left, yaw
-/// rate), and the number of the first environment.
+/// Numbers that kernels read before a rollout: number of the first step, the seed, the ranges of commands (forward,
+/// left, yaw rate), and the number of the first environment.
 pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environment: u32) -> Vec<u32> {
     let words = |number: u64| [number as u32, (number >> 32) as u32];
     let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
@@ -171,7 +172,7 @@ impl Plan {
         self.launch("begin_rollout", None, &["tally", "cut"])
     }
 
-    /// What is recorded before step `step`, where walks are.
+    /// The launch that records before step `step`, where walks are recorded.
     pub fn record(&self, step: usize) -> Option<Launch> {
         let arrays = ["robot_state", "robot_params", "robot_memory", "imu", "command", "records"];
         let launch = self.launch("record", Some(step), &arrays);
@@ -190,7 +191,7 @@ impl Plan {
         ["begin_rollout"].into_iter().chain(record).chain(others).chain(stepwise).collect()
     }
 
-    /// What actor and critic see before step `step`.
+    /// The launch that writes the observations of actor and critic before step `step`.
     pub fn observe(&self, step: usize) -> Launch {
         self.columns(self.launch("observe", Some(step), &OBSERVED), self.terms[0] + self.terms[1])
     }
@@ -219,6 +220,7 @@ impl Plan {
         let substeps = self.disturbed?;
         let launch = self.launch("disturb", Some(step), &["control", "deviation", "robot_disturbance"]);
         let mut launch = self.columns(launch, substeps);
+        // The step comes first, then this, then the arrays.
         launch.arguments.insert(1, Value::U32(u32::try_from(tiles).unwrap_or(u32::MAX)));
         Some(launch)
     }
@@ -254,11 +256,12 @@ impl Plan {
             "held",
         ];
         let mut launch = self.launch("finish", Some(step), &arrays);
+        // The grid stays: a block still has the same number of environments.
         launch.shape.block[0] *= FINISH_PARTS;
         launch
     }
 
-    /// What the critic sees after the last step.
+    /// The launch that writes the critic's observations after the last step.
     pub fn observe_end(&self) -> Launch {
         let arrays = [
             "robot_state",
@@ -284,23 +287,23 @@ impl Plan {
         Launch { shape: Shape::new(u32::try_from(self.tallies).unwrap_or(1), 256), ..launch }
     }
 
-    /// Of steps one by one: reads the caller's actions, the array `mean`.
+    /// In [`Mode::Steps`]: reads the caller's actions, the array `mean`.
     pub fn take(&self) -> Launch {
         let launch = self.launch("take_actions", None, &["mean", "action", "refused"]);
         Launch { shape: Shape::cover(self.environments * self.actions, 256), ..launch }
     }
 
-    /// The same: before the physics.
+    /// In [`Mode::Steps`]: the launches before the physics.
     pub fn before(&self, tiles: usize) -> Vec<Launch> {
         [Some(self.begin()), Some(self.act(0)), self.disturb(0, tiles)].into_iter().flatten().collect()
     }
 
-    /// The same: after the physics.
+    /// In [`Mode::Steps`]: the launches after the physics.
     pub fn after(&self) -> Vec<Launch> {
         vec![self.finish(0), self.total(), self.next(), self.observe(0)]
     }
 
-    /// The same: new episodes for the environments that the array `chosen` marks.
+    /// In [`Mode::Steps`]: new episodes for the environments that the array `chosen` marks.
     pub fn restart(&self) -> Vec<Launch> {
         let arrays = [
             "chosen",
@@ -321,12 +324,12 @@ impl Plan {
         vec![self.launch("restart", None, &arrays), self.next(), observe]
     }
 
-    /// The same: the step of the environments that the array `chosen` marks belongs to no episode.
+    /// In [`Mode::Steps`]: the step of the environments that the array `chosen` marks belongs to no episode.
     pub fn clear(&self) -> Launch {
         self.launch("clear_step", None, &["chosen", "reward", "ends"])
     }
 
-    /// The same: how all robots move, into the array `motion`.
+    /// In [`Mode::Steps`]: writes the motion of all robots into the array `motion`.
     pub fn motion(&self) -> Launch {
         let arrays = ["robot_state", "robot_params", "robot_report", "motion"];
         let launch = self.launch("write_motion", None, &arrays);

@@ -51,7 +51,7 @@ pub(super) struct Play<'a> {
     first: u32,
 }
 
-/// What the policy did in some steps, each array `steps × environments × width`.
+/// Record of some steps of the policy, each array `steps × environments × width`.
 pub(super) struct Played {
     /// Actions, a row an environment.
     pub action: Vec<f32>,
@@ -88,6 +88,7 @@ impl<'a> Play<'a> {
         check(task, &candidates, &host).map_err(unsupported)?;
         let Extent { count, last, steady } = extent;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
+        // Commands change between graphs alone, so a graph must end where the next command begins.
         let fits = |steps: &u32| steady.is_multiple_of(*steps);
         let steps = (1..=STEPS.min(last)).rev().find(fits).unwrap_or(1) as usize;
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
@@ -159,7 +160,7 @@ impl<'a> Play<'a> {
         Ok(self.rollout.bases(self.learner.stream())?)
     }
 
-    /// What was recorded before these steps, of [`Mode::Logs`]; `steps × environments ×`
+    /// Records of [`Mode::Logs`] before these steps; `steps × environments ×`
     /// [`gaitfit_learn::collect::sensed_width`].
     ///
     /// # Errors

@@ -25,7 +25,7 @@ pub struct Rollout<'a> {
     kernels: Vec<(&'static str, Kernel)>,
 }
 
-/// What a rollout runs, before a GPU has it.
+/// Programs and launches of a rollout, before a GPU has them.
 pub struct Planned {
     period: Arc<Period>,
     plan: Plan,
@@ -48,7 +48,7 @@ impl Planned {
         Ok(Self { period, plan })
     }
 
-    /// Its programs.
+    /// The programs that it compiles: the physics, and the other kernels.
     pub fn programs(&self) -> [Program; 2] {
         [self.period.program(), self.plan.program.clone()]
     }
@@ -342,7 +342,7 @@ impl<'a> Rollout<'a> {
         }
     }
 
-    /// What the learner's memories forget after a step.
+    /// Lets the learner's memories forget episodes that ended in a step.
     fn forget(&self, stream: &Stream, learner: &Learner, step: usize) -> Result<(), CudaError> {
         let argument = |name: &str| self.storage(name).map(|storage| storage.argument());
         match (argument("cut"), argument("tail_memory")) {

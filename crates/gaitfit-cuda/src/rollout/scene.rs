@@ -15,7 +15,7 @@ use crate::ppo::check_networks;
 use crate::spots::{Spot, Spots};
 use crate::words::unobserved;
 
-/// What rollouts are for.
+/// Purpose of rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// A training learns from them.
@@ -41,7 +41,7 @@ pub struct Sizes {
     pub gamma: f64,
     /// Numbers that the critic remembers of an environment.
     pub remembered: usize,
-    /// What they are for.
+    /// Purpose of the rollouts.
     pub mode: Mode,
 }
 
@@ -152,13 +152,14 @@ impl<'a> Scene<'a> {
         self.period.layout().size(class)
     }
 
-    /// Most episodes of an environment that a rollout cuts off.
+    /// Max number of episodes of an environment that a rollout cuts off.
     pub(super) fn cuts(&self) -> usize {
         if self.is(Mode::Steps) {
             return 0;
         }
         // Episodes also end at the edge of generated ground.
         let left = usize::from(self.task.course.is_some());
+        // So many episodes of full length can end by time within a rollout.
         self.sizes.steps.div_ceil(self.episode_steps() as usize) + left
     }
 

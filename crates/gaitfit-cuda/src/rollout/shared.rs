@@ -71,7 +71,7 @@ impl Shared {
         &self.strides
     }
 
-    /// What its numbers are; bytes are 0 or 1.
+    /// Type of its numbers; bytes are 0 or 1.
     pub fn kind(&self) -> Kind {
         self.storage().map_or(Kind::F32, Storage::kind)
     }

@@ -16,19 +16,19 @@ use crate::runtime::{Argument, CudaError, Device, Event, Graph, Stream};
 
 /// So little that exploration around an action is the action: exp of it is 0.
 const NO_EXPLORATION: f32 = -1e4;
-/// What `refused` holds if no action was.
+/// Value of `refused` if no action was refused.
 const NONE: u32 = u32::MAX;
 
 /// Arrays that steps write; each is at the same place after every step. N: environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// What the actor observes, with noise; N × observation.
+    /// Observations of the actor, with noise; N × observation.
     Observation,
-    /// What the critic observes; N × critic's observation.
+    /// Observations of the critic; N × critic's observation.
     CriticObservation,
-    /// What the actor observed at the end of each environment's last episode; N × observation.
+    /// Observations of the actor at the end of each environment's last episode; N × observation.
     LastObservation,
-    /// What the step paid; N.
+    /// Reward of the step; N.
     Reward,
     /// Whether the robot fell; N bytes.
     Terminated,
@@ -77,7 +77,7 @@ impl Moved {
     }
 }
 
-/// What one step did.
+/// Episodes that one step ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stepped {
     /// Episodes that ended.
@@ -206,6 +206,7 @@ impl<'a> Stepper<'a> {
         }
         self.ready.record(&self.stream)?;
         let totals = self.rollout.read_f64(&self.stream, "totals")?;
+        // The first sum is the whole reward; its terms follow.
         for (sum, total) in self.summed.iter_mut().zip(totals.iter().skip(1)) {
             *sum += total;
         }

@@ -142,6 +142,7 @@ impl Words {
         ] {
             self.define(name, double(value));
         }
+        // A period of 0 turns pushes off in the kernels.
         let push = if settings.push.velocity == 0.0 { 0.0 } else { settings.push.seconds };
         for (name, value) in [
             ("EPISODE_STEPS_MAX", scene.episode_steps()),
@@ -158,7 +159,7 @@ impl Words {
         }
         self.integers("FOOT_FIRST", &ends);
         self.integers("BODY_GEOM", task.body_geoms());
-        // What each term pays, as statements: a part of the threads each.
+        // Statements that compute the reward's terms: each is run by some of an environment's threads.
         let _ = writeln!(self.text, "#define REWARD_TERMS \\");
         for (number, (name, weight)) in task.reward_weights().enumerate() {
             let _ = writeln!(

@@ -20,7 +20,7 @@ use crate::runtime::{Device, Event, Graph};
 /// same weights; see [`crate::ppo::update_together`].
 pub struct Trainer<'a> {
     devices: Vec<Device>,
-    /// Of each GPU its part of the robots, and its learner.
+    /// Each GPU's part of the robots, and its learner.
     rollouts: Vec<Rollout<'a>>,
     learners: Vec<Learner>,
     graphs: Vec<Graph>,
@@ -296,7 +296,7 @@ impl<'a> Trainer<'a> {
         })
     }
 
-    /// What is said of the first of the `robots` that diverged.
+    /// The error that names the first of the `robots` that diverged.
     fn diverged(&self, robots: usize) -> Result<TrainingError, RolloutError> {
         let each = self.each();
         let [mut steps, mut terms] = [Vec::new(), Vec::new()];
@@ -306,6 +306,7 @@ impl<'a> Trainer<'a> {
                 to.extend_from_slice(&tally[sum.place(self.terms) * each..][..each]);
             }
         }
+        // Steps count from 1 here: 0 stands for a robot that did not diverge.
         let broken = steps.iter().enumerate().filter(|(_, step)| **step > 0.0);
         let (environment, step) =
             broken.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));

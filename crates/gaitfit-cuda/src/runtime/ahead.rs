@@ -19,7 +19,7 @@ fn pending() -> MutexGuard<'static, HashMap<String, Pending>> {
     PENDING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What `make` returns. Threads that ask for the same key at the same time wait for one of them.
+/// Returns the program that `make` compiles. Threads that ask for the same key at the same time wait for one of them.
 pub(super) fn once(
     key: &str,
     make: impl FnOnce() -> Result<Compiled, CudaError>,

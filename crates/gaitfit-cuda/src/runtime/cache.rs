@@ -15,9 +15,9 @@ use super::nvrtc::Image;
 
 /// Begins every file; changes with the format.
 const MAGIC: &[u8; 8] = b"gfcuda01";
-/// Most bytes of all files.
+/// Max bytes of all files.
 const MAX_BYTES: u64 = 512 << 20;
-/// Most files.
+/// Max number of files.
 const MAX_FILES: usize = 512;
 
 /// A folder of compiled programs.
@@ -62,6 +62,7 @@ impl Cache {
             hash.update((part.len() as u64).to_le_bytes());
             hash.update(part);
         }
+        // Half of the hash makes a short name, and with 128 bits no two programs meet.
         hex(&hash.finalize()[..16])
     }
 
@@ -86,7 +87,7 @@ impl Cache {
     /// Keeps a program and deletes what is too much.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// A failure of the file system.
     pub fn write(&self, key: &str, image: &Image) -> std::io::Result<()> {
         fs::create_dir_all(&self.folder)?;
         let mut file = tempfile::Builder::new().prefix(".new-").tempfile_in(&self.folder)?;

@@ -70,6 +70,7 @@ pub(super) fn identity(
         });
     };
     let options = program.options.join("\n");
+    // Another compiler makes other code of the same text.
     let version = format!("{major}.{minor}");
     Ok((Cache::key(&[&program.name, &program.text, &options, &architecture, &version]), architecture))
 }

@@ -14,7 +14,7 @@ use super::error::CudaError;
 use super::module::Module;
 use super::nvrtc::Nvrtc;
 
-/// What a GPU is.
+/// Properties of a GPU.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct DeviceInfo {
     /// Its number, from 0, in the driver's order (`CUDA_VISIBLE_DEVICES` changes it).
@@ -51,7 +51,7 @@ pub(super) fn count(driver: &Driver) -> Result<usize, CudaError> {
     Ok(usize::try_from(count).unwrap_or(0))
 }
 
-/// What the GPU of this number is.
+/// Properties of the GPU of this number.
 pub(super) fn describe(driver: &Driver, ordinal: usize) -> Result<DeviceInfo, CudaError> {
     let doing = || format!("asking about GPU {ordinal}");
     let mut device = 0;
@@ -117,7 +117,7 @@ impl Context {
     }
 }
 
-/// What keeps a thread's own context for the time of a [`Device::visit`].
+/// Keeps a thread's own context for the time of a [`Device::visit`], and makes it current again when dropped.
 pub struct Visit {
     context: Arc<Context>,
     before: Handle,
@@ -208,7 +208,7 @@ impl Device {
         self.context.driver.check(code, || format!("waiting for GPU {}", self.info().ordinal))
     }
 
-    /// What it is.
+    /// Its properties.
     pub fn info(&self) -> &DeviceInfo {
         &self.context.info
     }

@@ -15,7 +15,8 @@ pub(super) type Handle = *mut c_void;
 pub(super) type Address = u64;
 
 functions! {
-    /// What this crate uses of the driver (names and signatures of NVIDIA's `cuda.h`).
+    /// Functions of the driver that this crate uses (names and signatures of NVIDIA's `cuda.h`, which maps plain
+    /// names to the `_v2` ones).
     Driver {
         init = "cuInit"(c_uint);
         error_name = "cuGetErrorName"(c_int, *mut *const c_char);

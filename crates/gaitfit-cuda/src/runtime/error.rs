@@ -34,7 +34,7 @@ pub enum CudaError {
     OldNvrtc {
         /// The library.
         path: String,
-        /// What it lacks.
+        /// The function that it lacks.
         function: &'static str,
     },
     /// The compiler refused a program.
@@ -125,7 +125,7 @@ pub enum CudaError {
     /// Any other call of the driver.
     #[error("{doing} failed: {reason}")]
     Call {
-        /// What was being done.
+        /// The work that failed.
         doing: String,
         /// The driver's words.
         reason: String,
@@ -137,6 +137,7 @@ impl CudaError {
     pub(crate) fn is_memory(&self) -> bool {
         match self {
             Self::Memory { .. } => true,
+            // The driver's words for `CUDA_ERROR_OUT_OF_MEMORY`.
             Self::Call { reason, .. } => reason.contains("out of memory"),
             _ => false,
         }

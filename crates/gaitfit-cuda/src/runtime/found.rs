@@ -1,4 +1,4 @@
-//! What this machine offers, for `gaitfit doctor`.
+//! GPUs, driver and compiler of this machine, for `gaitfit doctor`.
 
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ pub struct Found {
     pub nvrtc: Option<String>,
     /// Where it was found.
     pub nvrtc_path: Option<String>,
-    /// What is missing for a use of the GPU, a sentence each; empty if nothing is.
+    /// Things that are missing for a use of the GPU, a sentence each; empty if nothing is.
     pub problems: Vec<String>,
 }
 
@@ -30,6 +30,7 @@ pub fn find() -> Found {
             let mut version = 0;
             // SAFETY: the driver stores one int.
             if unsafe { (driver.driver_version)(&raw mut version) } == 0 {
+                // CUDA has 1000 major + 10 minor.
                 report.driver = Some(format!("{}.{}", version / 1000, version % 1000 / 10));
             }
             match count(driver) {

@@ -17,7 +17,7 @@ const REGISTERS: c_int = 4;
 const MAX_DYNAMIC_SHARED: c_int = 8;
 /// Bytes that any kernel may take as arguments.
 const MAX_ARGUMENT_BYTES: usize = 4096;
-/// Shared memory that a kernel may use without asking.
+/// Bytes of shared memory that a kernel may use without asking: CUDA's limit, the same on all GPUs.
 const SHARED_WITHOUT_ASKING: u32 = 48 << 10;
 
 /// A program in a GPU, unloaded when it and its kernels are gone.
@@ -285,6 +285,7 @@ impl Kernel {
     /// # Errors
     /// [`CudaError::Launch`], naming the kernel.
     pub fn launch(&self, stream: &Stream, shape: Shape, arguments: &[Argument]) -> Result<(), CudaError> {
+        // The driver refuses a grid without blocks, and there is nothing to compute.
         if shape.grid.contains(&0) {
             return Ok(());
         }
@@ -334,7 +335,7 @@ fn wait_after_each() -> bool {
 /// too few or too small arguments reads zeros and not foreign memory.
 struct Packed {
     pointers: Vec<*mut c_void>,
-    /// What the pointers point to.
+    /// The values that the pointers point to.
     _values: Vec<[u8; 8]>,
 }
 

@@ -13,7 +13,7 @@ use super::search;
 use super::table::functions;
 
 functions! {
-    /// What this crate uses of the compiler (names and signatures of `nvrtc.h`).
+    /// Functions of the compiler that this crate uses (names and signatures of `nvrtc.h`).
     Functions {
         version = "nvrtcVersion"(*mut c_int, *mut c_int);
         architecture_count = "nvrtcGetNumSupportedArchs"(*mut c_int);

@@ -19,7 +19,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Those of this process.
+    /// Places for this process: from its environment variables, and the usual folders.
     pub fn of_process() -> Self {
         let variable =
             |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
@@ -39,7 +39,7 @@ impl Places {
     }
 }
 
-/// Versions of the library that are tried, newest first.
+/// Versions of the library that are tried, newest first. Those from 11.3 to 11.8 keep the name of 11.2.
 const VERSIONS: [&str; 3] = ["13", "12", "11.2"];
 
 /// Files and loader names to try, in order.

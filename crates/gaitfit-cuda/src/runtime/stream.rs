@@ -7,7 +7,7 @@ use super::device::{Context, Device};
 use super::driver::Handle;
 use super::error::CudaError;
 
-/// Names of kernels kept for a message.
+/// Max number of kernels that a message names: the last ones.
 const MAX_NAMES: usize = 8;
 
 /// `CU_STREAM_NON_BLOCKING`: not ordered with the driver's own stream.
@@ -110,6 +110,7 @@ impl Stream {
         let mut graph = null_mut();
         // SAFETY: the driver stores one handle.
         let code = unsafe { (driver.capture_end)(self.handle, &raw mut graph) };
+        // Only now: recording must end in every case, or the stream stays unusable.
         outcome?;
         driver.check(code, || "recording a graph".into())?;
         let mut handle = null_mut();

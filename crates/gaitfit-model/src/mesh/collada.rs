@@ -76,6 +76,7 @@ impl<'a, 'input> Reader<'a, 'input> {
         for child in node.children().filter(Node::is_element) {
             match child.tag_name().name() {
                 "matrix" | "translate" | "rotate" | "scale" => {
+                    // Transforms are listed from the outermost to the innermost.
                     transform = joined(transform, self.local(child)?)
                 }
                 "node" => self.read_node(child, transform, depth + 1)?,
@@ -110,6 +111,8 @@ impl<'a, 'input> Reader<'a, 'input> {
             let offset = |input: &Node| {
                 input.attribute("offset").and_then(|text| text.parse::<usize>().ok()).unwrap_or(0)
             };
+            // Indices of positions, normals and so on alternate: the largest offset shows how many belong to a
+            // corner.
             let stride = inputs().map(|input| offset(&input)).max().unwrap_or(0).saturating_add(1);
             let Some(vertex) = inputs().find(|input| input.attribute("semantic") == Some("VERTEX")) else {
                 continue;
@@ -130,6 +133,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                     if self.triangles.len() + size > super::MAX_TRIANGLES {
                         return Err(ContentError::Triangles);
                     }
+                    // A fan of triangles from the first corner, which is right for convex faces.
                     for pair in face.get(1..).unwrap_or_default().windows(2) {
                         self.triangles.push(super::indexed(&points, [face[0], pair[0], pair[1]])?);
                     }
@@ -137,6 +141,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 };
                 match &sizes {
                     Some(sizes) => sizes.iter().try_for_each(|&size| take(size))?,
+                    // Each <p> of <polygons> is one face; those of <triangles> hold many.
                     None if named(&group, "polygons") => take(corners.len())?,
                     None => (0..corners.len() / 3).try_for_each(|_| take(3))?,
                 }

@@ -47,6 +47,8 @@ impl Quadric {
     fn best(&self, ends: [Vec3; 2]) -> (Vec3, f64) {
         let middle = add(ends[0], ends[1]).map(|x| x / 2.0);
         let trace: f64 = (0..3).map(|k| self.a[k][k]).sum();
+        // On a plane, and along a straight edge, many points are equally good and the matrix is singular. A pull
+        // towards the middle makes it regular; the trace gives it the matrix's own scale.
         let drawn = MIDDLE * trace;
         let mut rows = self.a;
         (0..3).for_each(|k| rows[k][k] += drawn);
@@ -61,7 +63,7 @@ impl Quadric {
         let edge = sub(ends[1], ends[0]);
         let length = dot(edge, edge);
         let away = sub(solved, middle);
-        // A point farther from the middle than the edge is long is not used.
+        // A point farther from the middle than the edge is long is not used, nor is one that is NaN.
         let near = dot(away, away) <= length;
         let point = if near { solved } else { middle };
         let error: f64 =
@@ -123,6 +125,7 @@ pub(super) fn collapse(pool: &mut Pool, max: usize) {
     while left > max
         && let Some(edge) = work.edges.pop()
     {
+        // A heap cannot remove entries inside it, so entries with an outdated cost are skipped as they come out.
         if work.seen(edge.ends) == edge.seen && work.fits(&edge) {
             left -= work.join(&edge);
         }
@@ -141,6 +144,7 @@ impl<'a> Work<'a> {
             let across = across(triangle.map(|corner| pool.vertices[corner as usize]));
             let area = dot(across, across).sqrt() / 2.0;
             let normal = unit(across).unwrap_or_default();
+            // Weighted by area, so that a finer triangulation of the same surface weighs no more.
             let plane = Quadric::of_plane(normal, pool.vertices[triangle[0] as usize], area);
             for k in 0..3 {
                 let corner = triangle[k] as usize;
@@ -153,6 +157,7 @@ impl<'a> Work<'a> {
         }
         sides.sort_unstable();
         for same in sides.chunk_by(|(one, _), (other, _)| one == other) {
+            // An edge of one face is a border. A plane through it, square to the face, keeps it in place.
             let &[(ends, face)] = same else { continue };
             let points = ends.map(|end| pool.vertices[end as usize]);
             let along = sub(points[1], points[0]);
@@ -166,6 +171,7 @@ impl<'a> Work<'a> {
         sides.dedup_by_key(|(ends, _)| *ends);
         let (changes, alive) = (vec![0; vertices], vec![true; triangles]);
         let mut work = Self { pool, quadrics, faces, changes, alive, edges: BinaryHeap::new() };
+        // Every edge is offered once, whatever the number of its faces.
         for (ends, _) in sides {
             work.offer(ends);
         }
@@ -195,6 +201,7 @@ impl<'a> Work<'a> {
                 let before = triangle.map(|corner| self.pool.vertices[corner as usize]);
                 let mut after = before;
                 (0..3).filter(|&k| triangle[k] == end).for_each(|k| after[k] = edge.point);
+                // A face that has no area has no normal to keep.
                 match (unit(across(before)), unit(across(after))) {
                     (Some(before), Some(after)) => dot(before, after) > TURNED,
                     (before, _) => before.is_none(),
@@ -234,7 +241,7 @@ impl<'a> Work<'a> {
             let alive = &self.alive;
             self.faces[end as usize].retain(|&face| alive[face as usize]);
         }
-        // What was offered for either end counts no more.
+        // Offers of edges at either end are out of date: those in the queue have an older number.
         self.changes[kept] = self.changes[kept].wrapping_add(1);
         self.changes[gone] = self.changes[gone].wrapping_add(1);
         for end in about {

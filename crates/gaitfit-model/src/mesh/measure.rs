@@ -40,6 +40,8 @@ impl Measure {
         for corners in &mesh.triangles {
             // From the middle: a small sum of large numbers loses digits.
             let [a, b, c] = corners.map(|corner| -> Vec3 { std::array::from_fn(|k| corner[k] - middle[k]) });
+            // A tetrahedron with a corner at the origin has volume V = six / 6, ∫x = V/4 Σa and ∫x xᵀ = V/20 (Σ a aᵀ
+            // + Σa Σaᵀ), with sums over its other corners a.
             let six = dot(a, cross(b, c));
             volume += six / 6.0;
             for (k, sum) in first.iter_mut().enumerate() {
@@ -58,6 +60,7 @@ impl Measure {
         }
         let solid = |volume: f64, centre: Vec3, about: Tensor| {
             let (moments, axes) = principal(about);
+            // Moments are sorted, so this is the smallest.
             (moments[2] > 0.0).then_some(Self { volume, centre, axes, moments })
         };
         if volume > THIN * whole {
@@ -71,6 +74,7 @@ impl Measure {
                 return Some(found);
             }
         }
+        // The bounding box as a solid: m (y² + z²) / 12 about x.
         let [x, y, z] = size.map(|x| x * x * whole / 12.0);
         solid(whole, middle, [y + z, x + z, x + y, 0.0, 0.0, 0.0])
     }

@@ -26,7 +26,7 @@ pub use thin::ThinMesh;
 const MAX_BYTES: u64 = 64 << 20;
 /// Max number of triangles that are kept of a file.
 const MAX_TRIANGLES: usize = 1 << 19;
-/// Coordinates beyond this are no part of a robot, m.
+/// Coordinates beyond this are no part of a robot, in the file's unit: 10 m of a file in millimetres.
 pub(crate) const MAX_COORDINATE: f64 = 1e4;
 
 /// A mesh: the corners of its triangles, in the file's unit.
@@ -77,7 +77,7 @@ pub fn read(path: &Path) -> Result<Mesh, MeshError> {
 /// Reads the bytes of a mesh file with the ending `ending`, in small letters.
 ///
 /// # Errors
-/// What is wrong with them.
+/// The fault of the bytes.
 pub fn parse(ending: &str, bytes: &[u8]) -> Result<Mesh, ContentError> {
     let triangles = match ending {
         "stl" => stl::read(bytes)?,
@@ -119,6 +119,7 @@ fn msh(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, ContentError> {
     if faces > MAX_TRIANGLES {
         return Err(ContentError::Triangles);
     }
+    // In 64 bits, because counts of a damaged file may add up to more than 32.
     let begins = [3 * vertices as u64, 3 * normals as u64, 2 * texture as u64, 3 * faces as u64];
     if begins.iter().sum::<u64>() + 4 != words.len() as u64 {
         return Err(ContentError::Msh);

@@ -80,6 +80,7 @@ impl Pool {
         self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
         self.cluster(0.0);
+        // Triangles of a picture have 16-bit indices.
         self.shrink(max, MAX_CORNERS * max.min(usize::from(u16::MAX) / MAX_CORNERS));
         self.parts()
     }
@@ -89,6 +90,7 @@ impl Pool {
         let mut cell = (self.largest / FINE_CELLS).max(NARROWEST);
         while self.len() > max || self.vertices.len() > corners {
             self.cluster(cell);
+            // A surface meets cells in proportion to 1 / width².
             cell *= (self.len() as f64 / max as f64).sqrt().max(WIDER);
         }
     }
@@ -166,6 +168,7 @@ impl Grid {
     fn put(&mut self, mesh: usize, point: Vec3) -> usize {
         let key = match self.cell > 0.0 {
             true => point.map(|x| (x / self.cell).floor() as i64),
+            // The bits of a float are a key as good as any.
             false => point.map(|x| x.to_bits() as i64),
         };
         let place = *self.places.entry((mesh, key)).or_insert(self.sums.len());

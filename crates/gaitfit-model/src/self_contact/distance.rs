@@ -1,4 +1,4 @@
-//! How far apart two parts are at given joint angles.
+//! Distance of two parts at given joint angles.
 
 use super::SelfPair;
 use crate::kinematics::Frame;
@@ -43,6 +43,7 @@ fn between([a, along]: [Vec3; 2], [b, other]: [Vec3; 2]) -> f64 {
     let apart = sub(a, b);
     let (aa, bb, ab) = (dot(along, along), dot(other, other), dot(along, other));
     let (at, bt) = (dot(along, apart), dot(other, apart));
+    // Parallel rods have many nearest points, and a ball has no length: the middle will do.
     let ratio = |top: f64, bottom: f64| if bottom > 0.0 { (top / bottom).clamp(-1.0, 1.0) } else { 0.0 };
     let first = ratio(ab * bt - bb * at, aa * bb - ab * ab);
     let second = ratio(ab * first + bt, bb);
@@ -55,6 +56,7 @@ fn between([a, along]: [Vec3; 2], [b, other]: [Vec3; 2]) -> f64 {
 fn from_box(point: Vec3, half: Vec3) -> f64 {
     let beyond: [f64; 3] = std::array::from_fn(|k| point[k].abs() - half[k]);
     let outside = beyond.map(|x| x.max(0.0));
+    // Inside, all three are negative and the nearest face is the largest of them.
     dot(outside, outside).sqrt() + beyond.into_iter().fold(f64::MIN, f64::max).min(0.0)
 }
 

@@ -1,4 +1,4 @@
-//! What is wrong with a choice of own parts.
+//! Errors of a choice of own parts.
 
 use super::MAX_PAIRS;
 use crate::shown::shown;

@@ -29,10 +29,10 @@ const MAX_NAMES: usize = 6;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Written", into = "Written")]
 pub enum SelfContact {
-    /// None.
+    /// No pairs.
     #[default]
     Off,
-    /// Those that the robot file lets touch.
+    /// Pairs that the robot file lets touch.
     File,
     /// The last moving part of every limb, with those of other limbs.
     Limbs,
@@ -111,7 +111,7 @@ pub struct SelfPair {
     pub margin: f64,
 }
 
-/// What a file says about the robot's own shapes.
+/// A file's rules for contacts between the robot's own shapes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Parts {
     parts: Vec<Part>,
@@ -173,6 +173,7 @@ impl Parts {
                 surface: geom.surface,
                 weld,
                 parent: carrier(weld),
+                // No body that moves is carried by this one.
                 last: !(0..welds.len()).any(|b| welds[b] == b && b != weld && robot[b] && carrier(b) == weld),
             });
         }
@@ -280,6 +281,7 @@ impl Parts {
         if !computed(&geoms[0].shape, &geoms[1].shape) {
             return Err(words());
         }
+        // MuJoCo orders the geoms of a contact by type, which sets the sign of its normal.
         geoms.sort_by_key(order);
         let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
         let contact = match explicit {

@@ -7,7 +7,7 @@ use crate::kinematics::Frame;
 use crate::model::{Geom, Shape};
 use crate::rotation::{Quat, Vec3, add, product, rotate, rotate_back, sub};
 
-/// Half of a right angle's cosine and sine.
+/// Cosine and sine of half a right angle: quaternions have half angles.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Turns that take z to each axis.
 const FROM_Z: [Quat; 3] = [[HALF, 0.0, HALF, 0.0], [HALF, -HALF, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]];
@@ -28,6 +28,7 @@ pub(super) fn in_place_of_both(geoms: &[Geom; 2], frames: &[Frame]) -> [Geom; 2]
 /// A box becomes the capsule along its longest edge on the side of `toward`; its radius is half of the box's smallest size.
 /// It lies inside the box. A cylinder at least as long as wide becomes the capsule inside it. `None` for other shapes.
 fn in_place_of(geom: &Geom, toward: Vec3) -> Option<Geom> {
+    // A rod without length is a ball: its axis would have no direction.
     let along = |length: f64, radius: f64| match length > 1e-6 * radius {
         true => Shape::Capsule { radius, half_length: length },
         false => Shape::Sphere { radius },

@@ -71,6 +71,7 @@ pub(super) fn read_joint(
         joint: Joint {
             name,
             kind: if kind == "prismatic" { JointKind::Slide } else { JointKind::Hinge },
+            // URDF's default; MJCF's is z.
             axis: [1.0, 0.0, 0.0],
             ..default_joint()
         },
@@ -114,7 +115,7 @@ pub(super) fn read_joint(
     }))
 }
 
-/// What the children of a `<joint>` say.
+/// Values that the children of a `<joint>` give.
 struct Parts {
     /// Parent and child link.
     ends: [Option<usize>; 2],
@@ -158,8 +159,10 @@ fn read_child(
             a.set_nonnegative(ctx, "effort", &mut parts.effort)?;
             let mut speed = 0.0;
             a.set_nonnegative(ctx, "velocity", &mut speed)?;
+            // 0 counts as not given, as with `effort`.
             parts.joint.velocity_limit = (speed > 0.0).then_some(speed);
             list_attributes(ctx, &mut a);
+            // URDF's default for a bound that is absent.
             parts.limits = Some([lower.unwrap_or(0.0), upper.unwrap_or(0.0)]);
         }
         "dynamics" => {

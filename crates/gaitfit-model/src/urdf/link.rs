@@ -108,6 +108,7 @@ fn read_inertial(ctx: &mut Context, element: &Element) -> Result<Inertial, Model
             "add <mass value=\"...\"/> and <inertia ixx=\"...\" .../>",
         ));
     };
+    // URDF gives the tensor in the axes of <origin>.
     let (inertia, axes) = principal(turn(tensor, pose.1));
     Ok(Inertial { mass, pos: pose.0, quat: axes, inertia })
 }

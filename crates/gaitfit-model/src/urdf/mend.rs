@@ -20,7 +20,7 @@ const LIGHT: f64 = 0.01;
 pub(super) struct Impossible {
     /// The `<inertial>`.
     pub at: At,
-    /// What is said if it is not mended.
+    /// The error if it is not mended.
     pub error: Box<ModelError>,
 }
 

@@ -29,7 +29,8 @@ pub(crate) use link::COLLISION_MESH;
 use link::read_link;
 use mend::{Impossible, mend_inertias};
 
-/// Share of the robot's mass up to which a link with a floating joint stands for the world.
+/// Share of the robot's mass up to which the parent of a floating joint stands for the world: its mass is a
+/// placeholder then.
 const MAX_WORLD_SHARE: f64 = 1e-3;
 
 /// A link and how it hangs.
@@ -37,7 +38,7 @@ struct Link {
     body: BodySpec,
     /// Index of the joint that holds it.
     held_by: Option<usize>,
-    /// Its inertia cannot be.
+    /// Its inertia, if no body can have it.
     impossible: Option<Impossible>,
 }
 
@@ -341,5 +342,6 @@ fn read_origin(ctx: &mut Context, element: &Element) -> Result<(Vec3, Quat), Mod
     a.set_array(ctx, "xyz", &mut pos)?;
     a.set_array(ctx, "rpy", &mut rpy)?;
     a.finish(ctx)?;
+    // Capitals: about fixed axes.
     Ok((pos, euler(rpy, *b"XYZ")))
 }

@@ -17,7 +17,7 @@ pub use gaitfit_cuda::rollout::Trainer;
 /// An opened GPU.
 pub use gaitfit_cuda::runtime::Device as Gpu;
 
-/// What `auto` means on this machine.
+/// The device that `auto` means on this machine.
 pub(super) fn automatic() -> Device {
     Device::among(&runtime::find())
 }
@@ -47,7 +47,7 @@ impl Device {
 /// Trajectories with random commands; empty if `cancel` stopped them.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
+/// A task that the GPU cannot do, or its failure.
 pub fn trials(
     gpu: &Gpu,
     subject: &Subject<'_>,
@@ -63,7 +63,7 @@ pub fn trials(
 /// Constant commands, as [`gaitfit_learn::evaluate::drift`] gives them; empty if `cancel` stopped them.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
+/// A task that the GPU cannot do, or its failure.
 pub fn drift(
     gpu: &Gpu,
     subject: &Subject<'_>,
@@ -77,7 +77,7 @@ pub fn drift(
 /// Crossings of uneven ground, as [`gaitfit_learn::evaluate::crossings`] gives them; empty if `cancel` stopped them.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
+/// A task that the GPU cannot do, or its failure.
 pub fn crossings(
     gpu: &Gpu,
     subject: &Subject<'_>,
@@ -93,7 +93,7 @@ pub fn crossings(
 /// Logs of walks under random commands; empty if `cancel` stopped them.
 ///
 /// # Errors
-/// What the GPU does not do, or its failure.
+/// A task that the GPU cannot do, or its failure.
 pub fn collect(
     gpu: &Gpu,
     subject: &Subject<'_>,
@@ -106,7 +106,7 @@ pub fn collect(
 /// Continues `training` on a GPU, or on several together.
 ///
 /// # Errors
-/// What a GPU does not do, or its failure.
+/// A task that a GPU cannot do, or its failure.
 pub fn start_training<'a>(gpus: &[Gpu], training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
     let precision = training.learner().settings().precision;
     Trainer::together(gpus, training, precision).map_err(rollout_error)

@@ -1,4 +1,4 @@
-//! What computes.
+//! The device that computes: the processor or a GPU.
 
 #[cfg(feature = "cuda")]
 mod gpu;
@@ -21,7 +21,8 @@ use gaitfit_learn::task::Task;
 use gaitfit_run::watch::Watch;
 use gaitfit_sim::Candidate;
 
-/// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for.
+/// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for: they take less time there
+/// than compiling the GPU's program.
 const FEW: usize = 1000;
 
 /// The processor or a GPU.
@@ -74,14 +75,14 @@ impl Device {
         }
     }
 
-    /// The same device, as if `auto` had found it.
+    /// This device, marked as found by `auto`.
     #[must_use]
     pub fn as_found(self) -> Self {
         self.gpu().map_or(Self::Cpu, Self::Found)
     }
 
-    /// What simulates this many trajectories: of a GPU that `auto` found, the processor where they are few, for the programs'
-    /// compilation takes longer.
+    /// Device that simulates this many trajectories. If `auto` found a GPU, the processor simulates few of them,
+    /// because compiling the GPU's programs takes longer.
     #[must_use]
     pub fn for_trajectories(self, count: usize) -> Self {
         match self {
@@ -90,7 +91,7 @@ impl Device {
         }
     }
 
-    /// What computes, one line to begin with.
+    /// Names the device in a line that a command prints first.
     pub fn line(self) -> String {
         let Some(number) = self.gpu() else { return "device cpu".to_owned() };
         let name = gpu::name(number).map(|name| format!(", {name}"));
@@ -137,7 +138,7 @@ impl Device {
     /// This device, if it trains what is asked for; the processor, and why, if `auto` found a GPU that does not.
     ///
     /// # Errors
-    /// Of a GPU that was asked for, what it does not do.
+    /// A task that the GPU cannot do, if a GPU was asked for.
     pub fn for_training(
         self,
         scene: &Task,

@@ -38,7 +38,7 @@ impl Trainer<'_> {
     }
 }
 
-/// What `auto` means: the processor.
+/// The device that `auto` means: the processor.
 pub(super) fn automatic() -> Device {
     Device::Cpu
 }

@@ -67,15 +67,16 @@ impl Devices {
         self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
     }
 
-    /// What trains each of `seeds` seeds: groups of equally many, as many seeds at a time as there are groups. Several GPUs
-    /// of a group train one seed together.
+    /// Devices that train each of `seeds` seeds: groups of equally many, as many seeds at a time as there are groups.
+    /// Several GPUs of a group train one seed together.
     pub fn groups(&self, seeds: usize) -> Vec<Self> {
         let groups = seeds.clamp(1, self.0.len().max(1));
         let each = (self.0.len() / groups).max(1);
+        // GPUs that do not fill a group stay idle.
         self.0.chunks_exact(each).take(groups).map(|group| Self(group.to_vec())).collect()
     }
 
-    /// Those that are in a group.
+    /// The devices that are in a group.
     #[must_use]
     pub fn in_groups(&self, seeds: usize) -> Self {
         Self(self.groups(seeds).into_iter().flat_map(|group| group.0).collect())
@@ -96,8 +97,8 @@ impl Devices {
         self.first().gpu().is_some()
     }
 
-    /// What a command computes on: what was asked for; else `last`, the name of what the resumed run was on, if that is
-    /// there; else what is [found](Device::found).
+    /// Devices that a command computes on: those asked for; else `last`, the name of what the resumed run was on, if
+    /// that is there; else what is [found](Device::found).
     pub fn choose(asked: Option<Self>, last: Option<&str>) -> Self {
         let last = || {
             let last: Self = last?.parse().ok()?;

@@ -7,11 +7,12 @@ use gaitfit_model::{JointKind, Model, Shape, shown};
 
 /// Last links whose lowest point lies within this share of the base's height of the lowest of all are legs.
 pub(super) const NEAR_GROUND: f64 = 0.3;
-/// Geoms of a foot lie within this share of it of the foot's lowest point.
+/// Geoms of a foot lie at most this share of the base's height above the foot's lowest point.
 const SAME_FOOT: f64 = 0.03;
-/// A wheel's middle is this near to its axis, as a share of its radius.
+/// Largest distance of a wheel's middle from its axis, as a share of its radius. The cosine of the angle between the
+/// wheel's own axis and the joint's may be this much below 1: 26°.
 const OFF_AXIS: f64 = 0.1;
-/// Most legs.
+/// Max number of legs: a task may have as many feet.
 const MAX_LEGS: usize = 8;
 
 /// A leg.
@@ -23,7 +24,7 @@ pub struct Leg {
     pub geoms: Vec<usize>,
     /// Joints from the base to the foot.
     pub path: Vec<usize>,
-    /// Those that no other leg has.
+    /// Joints of the path that no other leg has.
     pub joints: Vec<usize>,
     /// Whether its foot has a sole: a shape that must lie flat.
     pub sole: bool,
@@ -53,6 +54,7 @@ impl Anatomy {
     pub fn find(model: &Model, angles: &[f64]) -> Result<Self, InitError> {
         let frames = body_frames(model, &Frame::WORLD, angles);
         let mut contacts: Vec<usize> = model.pairs.iter().map(|pair| pair.geom).collect();
+        // A geom has a pair with each plane that it may touch.
         contacts.sort_unstable();
         contacts.dedup();
         if contacts.is_empty() {
@@ -104,9 +106,11 @@ impl Anatomy {
         if legs.len() == 1 && limbs.len() > 1 {
             return Err(InitError::NoLegs { robot: robot() });
         }
+        // Lengths of the task are shares of this height.
         if !(height > 0.0 && height.is_finite()) {
             return Err(InitError::NoLegs { robot: robot() });
         }
+        // Joints of a waist may be on the paths of several legs: the policy moves them, but they belong to no leg.
         let leg_paths: Vec<Vec<usize>> = legs.iter().map(|leg| leg.path.clone()).collect();
         for (index, leg) in legs.iter_mut().enumerate() {
             let shared = |joint: &usize| {
@@ -118,6 +122,7 @@ impl Anatomy {
         let of_leg = |joint: &usize| leg_paths.iter().any(|path| path.contains(joint));
         let of_legs = || (0..model.joints.len()).filter(of_leg);
         let driven = |joint: &usize| model.actuators.iter().any(|actuator| actuator.joint == *joint);
+        // In a file that gives no joint of a leg a motor, all of them count as driven.
         let some_driven = of_legs().any(|joint| driven(&joint));
         let limp =
             |joint: &usize| model.only_follows(*joint) || of_leg(joint) && some_driven && !driven(joint);

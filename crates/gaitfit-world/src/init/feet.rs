@@ -7,7 +7,7 @@ use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
 use gaitfit_model::rotation::{Vec3, add, dot, inverse, product, rotate, rotate_back, sub};
 use gaitfit_model::{ContactPair, Form, Geom, Ground, Model, Outline, shown};
 
-/// A hinge with a range beyond this turns as a wheel does, rad.
+/// A hinge with a range beyond this turns as a wheel does, rad: two turns.
 const WHEEL_RANGE: f64 = 4.0 * std::f64::consts::PI;
 /// A link without mass and shape at the end of a leg, farther than this from its joint, is where the foot is, m.
 const MARKER: f64 = 0.03;
@@ -21,7 +21,7 @@ const BASE_SHARE: f64 = 0.9;
 pub struct Added {
     /// Name of the geom.
     pub geom: String,
-    /// What it is and what it was fitted to.
+    /// Its shape, and the geometry that it was fitted to.
     pub how: String,
     /// Whether it is a guess without a mesh.
     pub guess: bool,
@@ -41,6 +41,7 @@ struct Limb {
 /// Feet are fitted as the file draws the robot, where soles lie flat, unless its
 /// stance has more legs on the ground.
 pub fn fit_feet(model: &mut Model, anew: bool) -> Vec<Added> {
+    // `reduce` below keeps the first of equals: the drawn pose wins unless the other has more legs on the ground.
     let mut poses = vec![pose::drawn(model), pose::start(model).angles];
     poses.dedup();
     let fitted = poses.iter().map(|angles| {
@@ -54,7 +55,7 @@ pub fn fit_feet(model: &mut Model, anew: bool) -> Vec<Added> {
     added
 }
 
-/// The same in the pose `angles` (rad, model order), with the number of legs.
+/// [`fit_feet`] in one pose, `angles` (rad, model order); returns the number of legs too.
 fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let limbs = limbs(model);
@@ -62,7 +63,7 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
         let geoms = model.pairs.iter().map(|pair| pair.geom);
         geoms.filter(|&geom| limb.bodies.contains(&model.geoms[geom].body)).collect()
     };
-    // What there is of each limb: its own geoms, else its outlines, else what its inertia suggests.
+    // Points of each limb are from its own geoms, else from its outlines, else from the box that its inertia suggests.
     let sights: Vec<(f64, Option<Sight>)> = limbs
         .iter()
         .map(|limb| {
@@ -119,7 +120,7 @@ fn limbs(model: &Model) -> Vec<Limb> {
 /// Points of a limb's surface, in world axes, with the body of each.
 struct Sight {
     points: Vec<(usize, Vec3)>,
-    /// Where they are from, in words.
+    /// Source of the points, in words.
     source: String,
     guess: bool,
 }
@@ -196,6 +197,7 @@ impl Sight {
         let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
+        // A box guessed from inertia shows nothing of a wheel's rim.
         if turns && !self.guess {
             let frame = &frames[last.body];
             let axis = rotate(frame.quaternion, last.axis);
@@ -227,6 +229,7 @@ fn leg_length(model: &Model, limb: &Limb, frames: &[Frame], lowest: f64) -> f64 
         let hinge = &model.joints[joint];
         frames[hinge.body].point(hinge.pos)[2]
     });
+    // Sizes of feet are shares of this length, so it must not be zero.
     (top.fold(f64::NEG_INFINITY, f64::max) - lowest).max(0.02)
 }
 
@@ -265,6 +268,7 @@ fn remove(model: &mut Model, geoms: &[usize]) {
         places.push(stays.then_some(kept));
         kept += usize::from(stays);
     }
+    // `retain` visits the geoms in order, so a count is each one's old place.
     let mut place = 0;
     model.geoms.retain(|_| {
         place += 1;

@@ -9,26 +9,26 @@ use gaitfit_model::rotation::{dot, sub};
 use gaitfit_model::{Integrator, JointKind, Model};
 use gaitfit_physics::Robot;
 
-/// kp over m g l: the Go2's built-in 25 N·m/rad.
+/// kp over m g l: gives the built-in Go2 (15.2 kg, legs of 0.3 m) its 25 N·m/rad.
 const STIFFNESS: f64 = 0.56;
 /// kp of a slide over m g / l: a telescopic leg of two that carry the robot gives way by a twentieth of its length.
 const SLIDE_STIFFNESS: f64 = 10.0;
-/// kd over kp, s: the Go2's.
+/// kd over kp, s: the built-in Go2's 0.5 N·m·s/rad over 25 N·m/rad.
 const DAMPING: f64 = 0.02;
 /// Gains of the file are taken where they are within this factor of those by size.
 const LIKELY: f64 = 2.5;
-/// Target change per unit action, rad.
+/// Target change per unit action, rad: that of the built-in task.
 const SCALE: f64 = 0.25;
-/// Longest physics step, and the control period, s.
+/// Longest physics step, and the control period, s: those of the built-in task, 200 Hz and 50 Hz.
 const STEP: f64 = 0.005;
 const PERIOD: f64 = 0.02;
-/// Most physics steps in a control period.
+/// Max number of physics steps in a control period: steps of 1 ms.
 const MAX_SUBSTEPS: f64 = 20.0;
-/// Most of kp h²/I and of kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
+/// Largest kp h²/I and kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
 /// joint shakes in the simulation. The Go2's calves have 0.4 and 1.6.
 const STIFFEST: f64 = 1.0;
 const THICKEST: f64 = 1.6;
-/// The same of held joints, of which a limb has many.
+/// The same for held joints: smaller, because a limb has many of them and their eigenvalues add up (see [`substeps`]).
 const HELD_STIFFEST: f64 = 0.1;
 const HELD_THICKEST: f64 = 0.2;
 /// How far a held joint sags under what hangs on it, rad.
@@ -59,9 +59,9 @@ pub struct Gains {
     pub substeps: usize,
     /// Rotor inertia where the robot's own file has none.
     pub rotors: Option<Rotors>,
-    /// Where they are from.
+    /// Source of the gains, in words.
     pub how: String,
-    /// What is odd about them.
+    /// Doubts about the gains, a sentence each.
     pub doubts: Vec<String>,
 }
 
@@ -69,13 +69,16 @@ pub struct Gains {
 pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
     let mut servos = model.actuators.iter().filter(|actuator| actuator.joint == joint);
     let (actuator, other) = (servos.next()?, servos.next());
+    // The gear counts twice: from the joint's angle to the actuator's length, and from the actuator's force to the
+    // torque.
     let gear = actuator.gear * actuator.gear;
+    // MuJoCo's `position` actuator has the force kp ctrl − kp q − kv q̇: its gain is kp, its bias (0, −kp, −kv).
     let position = other.is_none() && actuator.gain > 0.0 && actuator.bias[1] == -actuator.gain;
     // Zero is added because a kv of 0 would give −0.
     position.then(|| [gear * actuator.gain, gear * (-actuator.bias[2]).max(0.0) + 0.0])
 }
 
-/// What gains are chosen by.
+/// The quantities from which gains are chosen.
 struct Chooser<'a> {
     model: &'a Model,
     anatomy: &'a Anatomy,
@@ -87,7 +90,7 @@ struct Chooser<'a> {
     leg: f64,
     /// Largest command forward, m/s.
     forward: f64,
-    /// What each joint feels in the air, kg·m² or kg.
+    /// Inertia that each joint feels in the air, kg·m² or kg.
     inertia: Vec<f64>,
     /// Torque of a usual motor of hinges, N·m, and force of one of slides, N.
     usual_effort: [Option<f64>; 2],
@@ -132,6 +135,7 @@ impl<'a> Chooser<'a> {
     /// kp by the robot's size; less for joints with weaker motors.
     fn by_size(&self, joint: usize) -> f64 {
         let kind = self.model.joints[joint].kind;
+        // A weak motor then reaches its torque limit at the same distance from the target as a usual one.
         let weak = match (self.model.effort(joint), self.usual_effort[kind as usize]) {
             (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
             _ => 1.0,
@@ -179,9 +183,11 @@ impl<'a> Chooser<'a> {
                 let sag = model.joints[joint].kind.like("rad", SAG);
                 let weakest = model.effort(joint).unwrap_or(f64::INFINITY) / sag;
                 let p = self.held[joint].min(weakest).min(stiffest);
+                // kd = 2 ζ √(kp I) with a damping ratio ζ of 0.7.
                 [p, 1.4 * (p * inertia).sqrt()]
             }
         };
+        // Above zero: the scale divides by it.
         let kp = tidy(p.min(stiffest)).max(1e-3);
         // A unit of action is a torque of at most half of what the motor has.
         let of_leg = |angle: f64| match model.joints[joint].kind {
@@ -196,8 +202,10 @@ impl<'a> Chooser<'a> {
 
     /// Gains of a wheel: a unit of action is the largest command, and from a standstill half of the motor's torque.
     fn roll(&self, joint: usize, radius: f64) -> ([f64; 3], bool) {
+        // Above zero: the gain divides by it.
         let speed = digits(self.forward / radius, 2).max(1e-3);
         let torque = self.model.effort(joint).map_or(f64::INFINITY, |effort| 0.5 * effort);
+        // At most the torque that a unit of action asks of a usual hinge.
         let torque = torque.min(SCALE * self.stiffness * self.unit);
         let thickest = THICKEST * self.inertia[joint] / STEP;
         let wanted = torque / speed;
@@ -254,6 +262,8 @@ impl Gains {
         };
         let rotors = written.or_else(|| Rotors::guess(model, anatomy, sizes));
         let unwritten = rotors.map_or(0.0, |rotors| rotors.unwritten());
+        // Every robot of the training has at least this rotor, so the gains need not suit bare links. When they had
+        // to, ankles of humanoids got a damping ratio of 0.03 to 0.07.
         chooser.inertia.iter_mut().for_each(|inertia| *inertia += unwritten);
         let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
         let mut bounded = Vec::new();
@@ -275,6 +285,7 @@ impl Gains {
             ));
         }
         let substeps = substeps(model, &kp, &kd, &chooser.inertia);
+        // The built-in task has 4.
         if substeps > 4 {
             doubts.push(format!(
                 "{substeps} physics steps of {:?} s in a control period: gains and damping need short ones",
@@ -295,6 +306,7 @@ impl Gains {
 /// damping from before, h d must be below 2 and h² k below 4, d and k the largest eigenvalues of M⁻¹ times the gains. Those
 /// of a limb are at most the sums over its joints, and on robots with light last links a third of them.
 fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
+    // Otherwise the integrator takes the joints' own damping from the end of the step, which bounds no step.
     let explicit = model.options.integrator == Integrator::Euler && !model.options.eulerdamp;
     let (mut most_d, mut most_k) = (0.0_f64, 0.0_f64);
     for body in 0..model.bodies.len() {
@@ -306,7 +318,10 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
         }
         (most_d, most_k) = (most_d.max(d), most_k.max(k));
     }
+    // With eigenvalues of a third of the sums the limits are h = 6 / d and h² = 12 / k, so half and a sixth of them
+    // leave room. With eigenvalues as large as the sums they are 2 / d and 4 / k.
     let step = (3.0 / most_d).min((2.0 / most_k).sqrt()).min(STEP);
+    // The subtraction takes rounding away: 0.02 / 0.005 must not become 5 steps.
     let steps = (PERIOD / step - 1e-9).ceil();
     if steps.is_finite() { steps.clamp(PERIOD / STEP, MAX_SUBSTEPS) as usize } else { MAX_SUBSTEPS as usize }
 }

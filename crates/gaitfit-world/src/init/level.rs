@@ -5,7 +5,7 @@ use gaitfit_model::kinematics::Frame;
 use gaitfit_model::rotation::{add, rotate, sub};
 use gaitfit_model::{Model, Shape};
 
-/// Shorter lines are no sole, m.
+/// Shortest line that counts as a sole, m.
 const MIN_SOLE: f64 = 0.01;
 
 /// The two ends of a sole, each as a body and a point in its frame, m.
@@ -36,6 +36,7 @@ impl Sole {
         }
         let span = |line: &[(usize, [f64; 3]); 2]| {
             let [from, to] = line.map(|(body, point)| frames[body].point(point));
+            // The plane in which the leg bends is that of x and z.
             [to[0] - from[0], to[2] - from[2]]
         };
         let length = |line: &[(usize, [f64; 3]); 2]| {

@@ -22,7 +22,7 @@ pub struct Prepared {
     pub look: Look,
     /// The mended robot as MJCF; absent where its own file reads.
     pub file: Option<String>,
-    /// What was mended, most important first.
+    /// Changes of the mending, most important first.
     pub mended: Vec<Guess>,
 }
 
@@ -61,7 +61,7 @@ pub fn prepare(path: &Path, how: Preparation) -> Result<Prepared, Error> {
         Err(other) => {
             let (first, second) = (refusal.to_string(), other.to_string());
             let mut advice = Vec::new();
-            // The same reason again says nothing new, whichever words it has for its place.
+            // A second refusal for the same reason says nothing new, so only the words after the place are compared.
             if !second.contains(first.rsplit(": ").next().unwrap_or(&first)) {
                 advice.push(format!("It cannot be mended either: {second}"));
             }
@@ -116,7 +116,7 @@ fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     let source = std::mem::take(&mut model.source);
     let named = source.file().and_then(|file| seen_from(how.folder.unwrap_or(Path::new("")), file));
     let text = model.to_mjcf(&comments, named.as_deref()).map_err(Error::failed)?;
-    // What is written is what trains.
+    // Training reads the written file, so the look is that of the model in it.
     let read = read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() })?;
     let model = Model { source, ..read };
     let look = look_with(&model, Source::Likely, rotors).map_err(|error| looked(path, &error))?;
@@ -156,7 +156,7 @@ fn name_geoms(model: &mut Model) {
     }
 }
 
-/// What was mended, things of one kind together.
+/// Changes of the mending, those of one kind together.
 fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
     let mut guesses = Vec::new();
     let mut say = |what: &'static str, text: String| guesses.push(Guess { what, found: text });

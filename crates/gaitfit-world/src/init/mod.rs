@@ -112,7 +112,7 @@ pub enum InitError {
     },
 }
 
-/// What a robot with elliptic cones trains with: those take the solver three times as many steps.
+/// Line for a robot whose file asks for elliptic cones: those take the solver three times as many steps.
 const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
 
 /// Max number of couplings that are printed.
@@ -124,18 +124,18 @@ const VARIED: usize = 64;
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Guess {
-    /// What it is about.
+    /// Subject of the guess, one word.
     pub what: &'static str,
-    /// What was found, and how.
+    /// The result, and how it was found.
     pub found: String,
 }
 
-/// What is known of a robot that is to walk.
+/// A first task for a robot, and what `init` knows of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// All settings of the task.
     pub settings: TaskSettings,
-    /// What was found or guessed, most important first.
+    /// Results and guesses, most important first.
     pub guesses: Vec<Guess>,
     /// Whether the robot file has elliptic cones.
     elliptic: bool,
@@ -174,7 +174,7 @@ impl Look {
         text
     }
 
-    /// The same, with this number of iterations in the configuration.
+    /// Returns this with another number of iterations in the configuration.
     #[must_use]
     pub fn with_iterations(&self, iterations: u32) -> Self {
         Self { text: text::with_iterations(&self.text, iterations), ..self.clone() }
@@ -233,7 +233,7 @@ fn look_with(model: &Model, source: Source, written: Option<Rotors>) -> Result<L
     let gains = Gains::new(model, &anatomy, &pose.angles, &sizes, source, written)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
-    // What a training would refuse, in a robot of odd sizes, is said now.
+    // A training might refuse a robot of odd sizes: that is reported now.
     let refused = |error: TaskError| InitError::Task { robot: robot(), why: error.to_string() };
     let task = Task::new(model, &settings, Preset::Fast).map_err(refused)?;
     task.robots(&[Candidate::nominal(model)], 0, 0, VARIED).map_err(refused)?;

@@ -11,7 +11,7 @@ const MAX_EFFORT: f64 = 8.0;
 const MAX_SPEED: f64 = 60.0;
 /// A range beyond this bounds nothing: more than a turn to both sides, rad.
 const MAX_RANGE: f64 = 2.0 * std::f64::consts::TAU;
-/// Max number of joints that a message names.
+/// Max number of joints that a message names; it counts the others.
 const NAMED: usize = 3;
 
 /// Sentences about limits of the legs' joints that look like placeholders. Torque limits also get a guess.
@@ -22,8 +22,9 @@ pub fn placeholders(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Vec<Stri
         .collect()
 }
 
-/// The same of joints of one kind.
+/// The sentences of [`placeholders`] about joints of one kind.
 fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> Vec<String> {
+    // A slide carries weight without a lever.
     let (lever, unit_name) = if kind.is_hinge() { (sizes.leg, "m g l") } else { (1.0, "m g") };
     let unit = sizes.mass * sizes.gravity * lever;
     let torque = if kind.is_hinge() { "torque" } else { "force" };

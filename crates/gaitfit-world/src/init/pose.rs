@@ -8,10 +8,12 @@ use gaitfit_model::{JointKind, Model, shown};
 
 /// Names of keyframes that stand, best first.
 const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent"];
-/// Share of the straight leg's length that is between hip and foot: bent legs of four, nearly straight ones of two.
+/// Distance from hip to foot as a share of the straight leg's length: robots on four legs bend them, robots on two
+/// stand nearly straight.
 const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
-/// The same share below which a keyframe has folded legs: the robot lies. Unitree's own B2 has 0.2, standing robots 0.6 or more.
+/// Share of the straight leg's length below which a keyframe has folded legs: the robot lies. Unitree's own B2 has
+/// 0.2, standing robots 0.6 or more.
 const FOLDED: f64 = 0.35;
 /// Legs that the file draws shorter than this share are folded.
 const DRAWN_SHORT: f64 = 0.6;
@@ -19,7 +21,7 @@ const DRAWN_SHORT: f64 = 0.6;
 const BEYOND: f64 = 0.1;
 /// Sine of the angle at the knee from which a leg counts as bent as the file draws it.
 const DRAWN_BENT: f64 = 0.1;
-/// Part of a joint's range to each limit that a stance leaves.
+/// Share of a joint's range that a stance keeps free at each limit.
 const ROOM: f64 = 0.2;
 /// Steps of the search for a leg's angles, and the max number of poses that it tries.
 const STEPS: usize = 400;
@@ -35,7 +37,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Where it is from.
+    /// Source of the pose, in words.
     pub fn how(&self) -> String {
         match &self.keyframe {
             Some(name) => format!("keyframe `{}`", shown(name)),
@@ -46,6 +48,7 @@ impl Pose {
 
 /// A keyframe that stands, or every joint at its reference as far as its range allows.
 pub fn start(model: &Model) -> Pose {
+    // A free joint's position (3) and quaternion (4) come first in `qpos`.
     let first = 7;
     // A stance beyond the joints' own limits cannot be held; bounded to them it is another one.
     let inside = |joint: &gaitfit_model::Joint, angle: &f64| {
@@ -57,6 +60,7 @@ pub fn start(model: &Model) -> Pose {
             && qpos.iter().all(|x| x.is_finite())
             && qpos.get(3..7).is_some_and(|q| {
                 let q: [f32; 4] = std::array::from_fn(|k| q[k] as f32);
+                // Upright within 26°.
                 up(quat_of(&q))[2] > 0.9
             })
     };
@@ -119,6 +123,7 @@ fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
         let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
         let rise = slide.axis_at(&frames[slide.body]).lever(at)[2];
         let by = (1.0 - LIFTED) * (hip[2] - at[2]);
+        // A slide that points more sideways than up does not lift the foot.
         if rise.abs() > 0.5 {
             angles[joint] = within(slide, angles[joint] + by / rise);
             return;
@@ -154,7 +159,7 @@ pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) 
 struct Chain {
     /// Joints that turn about the sideways axis, from the hip on.
     pitch: Vec<usize>,
-    /// Those of them that do not follow others.
+    /// Joints of `pitch` that do not follow others.
     free: Vec<usize>,
     /// Length of the straight leg, m: to the foot, or to the ankle where the foot lies flat.
     reach: f64,
@@ -163,15 +168,17 @@ struct Chain {
 }
 
 impl Chain {
-    /// Of a leg with the joints at `frames`; `None` of one that does not bend, or has no length.
+    /// Reads a leg with its joints at `frames`; `None` if it does not bend, or has no length.
     fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
         let sideways = |joint: &usize| {
+            // Within 45° of the sideways axis.
             model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
         };
         let of_leg = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
         let pitch: Vec<usize> =
             leg.path.iter().copied().filter(|joint| of_leg(joint) && sideways(joint)).collect();
         let free: Vec<usize> = pitch.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
+        // One joint alone cannot bring the foot nearer to the hip.
         if pitch.len() < 2 || free.is_empty() {
             return None;
         }
@@ -181,6 +188,7 @@ impl Chain {
         };
         let joints: Vec<[f64; 3]> = pitch.iter().map(|&joint| anchor(model, joint, frames)).collect();
         let chain: f64 = joints.windows(2).map(|pair| length(pair[0], pair[1])).sum();
+        // Hip and knee place the ankle; only a third joint can level the sole.
         let flat = leg.sole && pitch.len() > 2;
         let reach =
             if flat { chain } else { chain + length(joints[joints.len() - 1], foot(model, leg, frames)) };
@@ -202,7 +210,7 @@ fn axis(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
     rotate(frames[hinge.body].quaternion, hinge.axis)
 }
 
-/// Where a joint is, m, world axes.
+/// Position of a joint's anchor, m, world axes.
 fn anchor(model: &Model, joint: usize, frames: &[Frame]) -> [f64; 3] {
     frames[model.joints[joint].body].point(model.joints[joint].pos)
 }
@@ -267,11 +275,15 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     for sign in [1.0, -1.0] {
         let mut bent = angles.to_vec();
         for (place, &joint) in pitch.iter().enumerate().filter(|(_, joint)| chain.free.contains(joint)) {
+            // With thigh and shank of equal length the foot stays under the hip if the knee turns back by twice the
+            // hip's angle. The ankle takes the rest, so that the sole stays level.
             let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
             bent[joint] = well_within(&model.joints[joint], angles[joint] + turn);
         }
         let reached = descend(model, &chain.free, &mut bent, cost);
         let wrong_way = (knee_ahead(&bent) > 0.0) != forward;
+        // Costs are squared shares of the leg's reach: a knee on the wrong side weighs as much as a foot that misses
+        // by 3 %.
         let rated = reached + if wrong_way { 1e-3 } else { 0.0 };
         if best.as_ref().is_none_or(|(other, _)| rated < *other) {
             best = Some((rated, bent));
@@ -294,6 +306,7 @@ fn knee_forward(hip: [f64; 3], knee: [f64; 3], foot: [f64; 3]) -> Option<bool> {
 /// Search along the joints, one after the other, with steps that grow where they help and shrink where they do not.
 fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[f64]) -> f64) -> f64 {
     let mut best = cost(angles);
+    // Limits and couplings make the cost non-smooth, so the search takes no derivatives.
     let mut steps = vec![0.2; joints.len()];
     for _ in 0..STEPS.min(MAX_POSES / (2 * joints.len()).max(1)) {
         for (step, &joint) in steps.iter_mut().zip(joints) {

@@ -13,9 +13,9 @@ const BIPED_SPREAD: f64 = 10.0;
 /// A guess at the rotor inertia of every joint, kg·m².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
-    /// That of the nominal robot.
+    /// Rotor inertia of the nominal robot, kg·m².
     pub smallest: f64,
-    /// The largest in training.
+    /// Largest rotor inertia in training, kg·m².
     pub largest: f64,
     /// Whether the robot's file has the smallest already, because `init` wrote it there.
     pub in_file: bool,
@@ -36,6 +36,7 @@ impl Rotors {
     pub fn write(&mut self, model: &mut Model) {
         let Model { joints, actuators, .. } = model;
         for (index, joint) in joints.iter_mut().enumerate() {
+            // In a file without actuators every joint counts as one with a motor.
             if actuators.is_empty() || actuators.iter().any(|actuator| actuator.joint == index) {
                 joint.armature = joint.armature.max(joint.kind.like("kg·m²", self.smallest));
             }
@@ -43,12 +44,12 @@ impl Rotors {
         self.in_file = true;
     }
 
-    /// What the robots of the training get, beside what the file has.
+    /// Range of rotor inertia that the training adds to what the file has, kg·m².
     pub fn added(&self) -> [f64; 2] {
         if self.in_file { [0.0, tidy(self.largest - self.smallest)] } else { [self.smallest, self.largest] }
     }
 
-    /// What joints feel beside what the file has; no robot of the training has less.
+    /// Smallest rotor inertia that is added to what the file has, kg·m²: no robot of the training has less.
     pub fn unwritten(&self) -> f64 {
         if self.in_file { 0.0 } else { self.smallest }
     }

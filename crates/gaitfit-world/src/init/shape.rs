@@ -11,7 +11,8 @@ const SLICE: f64 = 0.15;
 const SLICE_BOUNDS: [f64; 2] = [3e-3, 0.02];
 /// The lower slice's height as a share of the slice's: a ball's footprint has half the width there.
 const LOW: f64 = 0.25;
-/// Share of the width in the lower slice from which a side counts as flat.
+/// Width in the lower slice over that in the whole slice from which a side counts as flat: between a ball's 0.5 and a
+/// sole's 1.
 const FLAT: f64 = 0.75;
 /// A rod shorter than this share of its radius is a ball.
 const SHORT_ROD: f64 = 0.3;
@@ -19,7 +20,8 @@ const SHORT_ROD: f64 = 0.3;
 const WIDE: f64 = 2.6;
 /// A footprint narrower than this share of the leg is no sole.
 const SMALL: f64 = 0.12;
-/// Directions in which the smallest rectangle around a footprint is looked for.
+/// Directions in which the smallest rectangle around a footprint is looked for: steps of 2.5° in a quarter turn,
+/// after which rectangles repeat.
 const DIRECTIONS: usize = 36;
 /// Share of a wheel's radius by which its rim may differ.
 const ROUND: f64 = 0.06;
@@ -35,7 +37,7 @@ pub struct Fitted {
     pub pos: Vec3,
     /// Its orientation, wxyz.
     pub quat: Quat,
-    /// What it is, in words.
+    /// Kind of shape, in words.
     pub what: &'static str,
 }
 
@@ -96,6 +98,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
         return None;
     }
     let [thin, thick] = SLICE_BOUNDS;
+    // More than half of a thin foot would include its upper side.
     let height = (SLICE * tall).clamp(thin, thick).min(0.5 * tall);
     let below = |height: f64| -> Vec<Vec3> {
         points.iter().copied().filter(|point| point[2] <= low + height).collect()
@@ -112,6 +115,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
     // From the width of a slice to the radius of a circle through its rim and its lowest point.
     let radius = |width: f64| {
         let half = 0.5 * width;
+        // A circle's segment with chord w and height h has the radius (w²/4 + h²) / (2 h).
         ((half * half + rim * rim) / (2.0 * rim)).min(0.5 * tall).min(SMALL * leg)
     };
     let ball = |radius: f64| Fitted {
@@ -154,6 +158,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
             Some(Fitted {
                 shape: Shape::Capsule { radius, half_length },
                 pos: [inner.centre[0], inner.centre[1], low + radius],
+                // A capsule lies along its own z; its x points down.
                 quat: from_axes([0.0, 0.0, -1.0], cross(axis, [0.0, 0.0, -1.0]), axis),
                 what: "lying rod",
             })
@@ -164,6 +169,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
 /// A wheel that turns about an axis through `anchor`: its rim has the same radius all around; `None` of another body.
 pub fn wheel(points: &[Vec3], anchor: Vec3, axis: Vec3) -> Option<Fitted> {
     let axis = unit(axis)?;
+    // Any direction across the axis will do. A helper far from parallel keeps the product well conditioned.
     let side = unit(cross(axis, if axis[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] }))?;
     let other = cross(axis, side);
     let mut rim = [0.0_f64; SECTORS];

@@ -17,7 +17,7 @@ const ASIDE: f64 = 0.2;
 pub struct Sizes {
     /// Mass.
     pub mass: f64,
-    /// Of free fall.
+    /// Acceleration of free fall.
     pub gravity: f64,
     /// From hip to ground in the pose.
     pub leg: f64,
@@ -31,7 +31,7 @@ pub struct Sizes {
     pub turning: f64,
     /// Why the robot gets no commands to the side; `None` if it does.
     pub never_aside: Option<&'static str>,
-    /// What is odd about them.
+    /// A doubt about these sizes, one sentence.
     pub doubt: Option<String>,
 }
 
@@ -63,6 +63,7 @@ impl Sizes {
     /// In the pose `angles` (rad, model order).
     pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
         let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
+        // A file may switch gravity off; commands go with √(g l) and would be zero.
         let gravity = if gravity > 0.1 { gravity } else { 9.81 };
         let frames = body_frames(model, &Frame::WORLD, angles);
         let height = standing_height(model, IDENTITY, angles);
@@ -78,6 +79,7 @@ impl Sizes {
             leg += (hip - low) / count;
             foot += (one.place[2] - low) / count;
         }
+        // Turning rates go with √(g / l) and weights with powers of 1 / l, so the length must not be zero.
         let leg = leg.max(0.02);
         let feet = anatomy.legs.iter().flat_map(|leg| &leg.geoms).map(|&geom| bottom(geom));
         let lowest_foot = feet.fold(f64::INFINITY, f64::min);
@@ -85,6 +87,7 @@ impl Sizes {
             .pairs
             .iter()
             .map(|pair| pair.geom)
+            // Geoms within a millimetre of the lowest foot count as equally low.
             .filter(|&geom| bottom(geom) < lowest_foot - 1e-3)
             .min_by(|&a, &b| bottom(a).total_cmp(&bottom(b)));
         let doubt = under.map(|geom| {
@@ -92,6 +95,7 @@ impl Sizes {
             format!("geom {name} is lower than the feet in this pose: give task.policy.default_pose another")
         });
         let speed = (gravity * leg).sqrt();
+        // Shares of √(g l): 0.58 is the built-in Go2's 1 m/s, and robots on two legs get about half of that.
         let (forward, sideways) = if anatomy.biped() { (0.3, 0.12) } else { (0.58, 0.58) };
         let never_aside = if !anatomy.wheels.is_empty() {
             Some("wheels do not roll sideways")
@@ -109,6 +113,7 @@ impl Sizes {
             foot,
             forward: tidy(forward * speed),
             sideways: tidy(sideways * speed),
+            // A share of √(g / l): the built-in Go2's 1 rad/s.
             turning: tidy(0.175 * (gravity / leg).sqrt()),
             never_aside,
             doubt,

@@ -7,7 +7,8 @@ use crate::replay::bare;
 use gaitfit_model::Model;
 use gaitfit_view::replay::{Frame, Replay, ReplayRobot};
 
-/// Frames a second, frames of the stance before the gait, of a step, and steps of each group.
+/// Frames a second (one every 20 ms), frames of the stance before the gait (1 s) and of a step (0.5 s), and steps of
+/// each group.
 const RATE: f64 = 50.0;
 const STANDING: usize = 50;
 const STEP: usize = 25;
@@ -38,6 +39,7 @@ pub fn stance(model: &Model, anatomy: &Anatomy, angles: &[f64], height: f64) -> 
     for group in std::iter::repeat_n(&anatomy.gait, STEPS).flatten() {
         let lifted = pose::lifted(model, anatomy, group, angles);
         frames.extend((0..STEP).map(|step| {
+            // Half a sine: the foot leaves the ground, is highest in mid-swing, and comes back.
             let share = (std::f64::consts::PI * step as f64 / STEP as f64).sin();
             let between: Vec<f64> =
                 angles.iter().zip(&lifted).map(|(from, to)| from + share * (to - from)).collect();

@@ -8,13 +8,13 @@ use gaitfit_learn::task::reward::TERMS;
 use gaitfit_model::{JointKind, Model};
 use std::fmt::Write as _;
 
-/// Iterations of a robot on two legs: it takes longer to learn.
+/// Iterations of a training on two legs, which takes longer than one on four.
 const BIPED_ITERATIONS: u32 = 2000;
 /// Share of zero commands of a robot on two legs. With the built-in share, three of five trainings of a G1 drifted when they were
 /// to stand.
 const BIPED_STANDING: f64 = 0.15;
 
-/// Share of the base's own mass that randomised robots may lack.
+/// Largest share of the base's own mass that randomisation takes away.
 const MIN_SHARE: f64 = 0.5;
 
 /// Head of the table of the task.
@@ -178,7 +178,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     text
 }
 
-/// What is one number for all joints: small enough for slides, whose unit is m.
+/// Settings that are one number for all joints: small enough for slides, whose unit is m.
 fn for_slides(text: &mut String) {
     let like = |value: f64| float(tidy(JointKind::Slide.like("rad", value)));
     let _ = writeln!(text, "\n[task.start]");
@@ -188,11 +188,12 @@ fn for_slides(text: &mut String) {
     line(text, "joint_velocity", like(1.5), "half range: rad/s for hinges, m/s for slides");
 }
 
-/// When the robot has fallen, how robots differ, and pushes.
+/// Writes the limits of a fall, the randomisation and the pushes.
 fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes, gains: &Gains) {
     let _ = writeln!(text, "\n[task.fall]");
     let contacts = list(anatomy.base_geoms.iter().map(|&geom| quoted(&model.geoms[geom].name)));
     line(text, "contacts", contacts, "geoms of the base: they must not touch the ground");
+    // The Go2's lowest base is 0.12 m, a share of 0.4 of its 0.30 m.
     let share = if anatomy.biped() { 0.6 } else { 0.4 };
     line(text, "height", float(tidy(sizes.height - (1.0 - share) * sizes.tall())), "m, lowest base");
     line(text, "tilt", 60.0, "degrees");
@@ -202,6 +203,7 @@ fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &
     // Some files have a base of little mass that the rest is fixed to: more than it has cannot be taken away.
     let base_mass = model.bodies.first().map_or(0.0, |base| base.mass);
     let min = -mass.min(MIN_SHARE * base_mass);
+    // The Go2's −1 to 3 kg, in proportion to the robot's mass.
     line(text, "base_mass", format!("[{:?}, {:?}]", tidy(min), tidy(3.0 * mass)), "kg added");
     line(text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
     if let Some(rotors) = gains.rotors {
@@ -213,10 +215,11 @@ fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &
         line(text, "armature", format!("[{min:?}, {max:?}]"), comment);
     }
     let _ = writeln!(text, "\n[task.push]");
+    // The Go2's 0.5 m/s; speeds go with √l.
     line(text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
 }
 
-/// What the file lets touch of the robot itself, as a comment: it is off unless asked for.
+/// Writes, as a comment, the self-contact that the file permits: it is off unless a task asks for it.
 fn own_parts(text: &mut String, model: &Model) {
     let (all, known) = model.self_contact_of_file();
     if known > 0 {
@@ -243,6 +246,7 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     let slides = anatomy.acting().iter().filter(|&&joint| !model.joints[joint].kind.is_hinge()).count();
     let share = slides as f64 / anatomy.acting().len().max(1) as f64;
     let torque = torque * (1.0 - share + share / (sizes.leg * sizes.leg)).sqrt();
+    // The built-in weights are for sums over the Go2's 12 joints.
     let joints = 12.0 / anatomy.acting().len().max(1) as f64;
     let stands = anatomy.stands_on_soles();
     if stands {
@@ -304,7 +308,7 @@ fn steps_or_stands() -> String {
 /// Reward terms that pay for steps, or fine a foot that moves on the ground.
 const OF_STEPS: [&str; 5] = ["gait", "air_time", "swing_height", "step_clock", "foot_slip"];
 
-/// What a policy on two legs observes: a clock says which foot is to be up.
+/// Observations of a policy on two legs: a clock tells which foot is to be up.
 const BIPED_TERMS: &str = "\
     { quantity = \"base_angular_velocity\", scale = [0.25] },
     { quantity = \"projected_gravity\" },

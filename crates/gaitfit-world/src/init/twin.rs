@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Max number of files that are looked at, and of bytes of each.
 const MAX_FILES: usize = 48;
 const MAX_BYTES: u64 = 4 << 20;
-/// Share of a file's joints whose names the robot must have.
+/// Smallest share of a file's joints whose names the robot must have.
 const SAME: f64 = 0.5;
 
 /// A sentence that names another file near `path`: one with the same robot's joints, for which a task can be written;
@@ -19,6 +19,7 @@ pub(super) fn advice(path: &Path) -> Option<String> {
     for file in beside(path) {
         let options = ReadOptions { add_floor: true, mend: true, ..ReadOptions::default() };
         let Ok(mut model) = gaitfit_model::read(&file, &options) else { continue };
+        // The file at `path` does not read, so names are looked for in its text.
         let named = |joint: &&gaitfit_model::Joint| text.contains(&format!("\"{}\"", joint.name));
         let common = model.joints.iter().filter(named).count();
         if model.root != Root::Floating || (common as f64) < SAME * model.joints.len() as f64 || common == 0 {

@@ -12,7 +12,7 @@ const ADVANTAGE_NUMBERS: usize = 7;
 pub(super) struct Arrays {
     /// Samples, as `gaitfit_learn::ppo::Samples` has them: what the actor saw.
     pub observation: Value,
-    /// What the critic saw.
+    /// Observations of the critic.
     pub critic_observation: Value,
     /// Actions.
     pub action: Value,
@@ -46,13 +46,14 @@ pub(super) struct Arrays {
     pub sums: Value,
     /// Squares of the gradient's norm, by blocks of `reduce`, then the losses.
     pub squares: Value,
-    /// Of several GPUs: this one's means and squares of advantages, and those of all.
+    /// With several GPUs: this one's means and squares of advantages, and those of all.
     pub advantage_shares: [Value; 2],
-    /// The same of losses and gradients; steps of the gradient take the first array and the second in turn.
+    /// With several GPUs: this one's losses and gradients. Steps of the gradient take the first array and the second
+    /// in turn.
     pub own_shares: [Value; 2],
-    /// Those of all.
+    /// Losses and gradients of all GPUs.
     pub shares: Value,
-    /// The same of the statistics of the actor's and the critic's observations.
+    /// With several GPUs: statistics of the actor's and the critic's observations, this one's and those of all.
     pub statistics_shares: [[Value; 2]; 2],
     /// Blocks of `reduce` that are done.
     pub reduced: Value,
@@ -74,7 +75,7 @@ pub(super) struct Arrays {
     pub critic_scale: Value,
     /// Mean, variance and count of the actor's observations.
     pub statistics: Value,
-    /// Those of the critic's.
+    /// Mean, variance and count of the critic's observations.
     pub critic_statistics: Value,
     /// Statistics of parts of the samples.
     pub parts: Value,
@@ -106,12 +107,13 @@ impl Arrays {
             *sizes;
         let widest = widths.observation.max(widths.critic_observation);
         let share = batch.share.count;
-        // Of one GPU there are none.
+        // A single GPU needs none.
         let mut shares = |names: [&'static str; 2], length: usize| {
             let length = if share > 1 { length } else { 0 };
             [m.array(names[0], Kind::F64, length), m.array(names[1], Kind::F64, share * length)]
         };
         let advantage_shares = shares(["advantage_share", "advantage_shares"], ADVANTAGE_NUMBERS);
+        // Losses in double precision, then the gradient in single precision, two numbers in the place of one.
         let of_gradient = LOSSES + actions + networks.div_ceil(2);
         let [even, of_all] = shares(["share", "shares"], of_gradient);
         let statistics_shares = [

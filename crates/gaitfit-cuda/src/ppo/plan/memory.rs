@@ -26,7 +26,7 @@ pub(super) struct Memory {
     minibatches: usize,
     chunks: usize,
     gpus: usize,
-    /// Of several GPUs: this one's gradient, in turn, and the gradients of all.
+    /// With several GPUs: this one's gradient, two arrays that steps take in turn, and the gradients of all.
     own_shares: [Value; 2],
     shares: Value,
     /// Robots in the order of the minibatches, of every epoch.
@@ -50,7 +50,7 @@ struct Net {
     offset: usize,
     observation: Value,
     scale: Value,
-    /// What it remembers of each environment, and what it remembered before the rollout.
+    /// Its state in each environment, and its state before the rollout.
     state: Value,
     start: Value,
     /// The first layer's input.
@@ -69,7 +69,7 @@ struct Layer {
     derivative: Value,
 }
 
-/// What goes through a memory.
+/// Sequences that go through a memory.
 struct Run {
     steps: usize,
     robots: usize,
@@ -120,6 +120,8 @@ pub(in crate::ppo) fn turns(shapes: &[RecurrentShape; 2]) -> Vec<u32> {
             let wide = shape.cell.gates() * layer.hidden;
             for (range, inputs) in layer.parts.into_iter().zip([layer.inputs, layer.hidden, 1, 1]) {
                 let begin = offset + range.start;
+                // Element (row, column) of a matrix with `wide` columns goes to (column, row). Biases have one row
+                // and stay.
                 places.extend((0..range.len()).map(|k| (begin + k % wide * inputs + k / wide) as u32));
             }
         }
@@ -137,6 +139,7 @@ impl Memory {
         samples: &Samples,
     ) -> Self {
         let Batch { steps, environments, share, .. } = batch;
+        // Room for the largest minibatch of an update, and for a step of all environments in a rollout.
         let rows = (environments.div_ceil(minibatches) * steps).max(environments);
         let size: usize = shapes.iter().map(RecurrentShape::parameters).sum();
         let chunks = rows.div_ceil(ROWS);
@@ -149,6 +152,7 @@ impl Memory {
         let mut offset = 0;
         let nets = [0, 1].map(|number| {
             let (shape, [state, start, taken]) = (shapes[number].clone(), names[number]);
+            // A GRU has no cell besides its output.
             let lstm = usize::from(shape.cell == Cell::Lstm);
             let layers = shape.layers().into_iter().map(|layer| {
                 let (units, wide) = (rows * layer.hidden, rows * layer.hidden * shape.cell.gates());
@@ -204,7 +208,7 @@ impl Memory {
         self.unit
     }
 
-    /// What the networks take, and where its derivatives go.
+    /// Arrays that the networks take as input, and those that its derivatives go to.
     pub(super) fn seen(&self) -> [[Value; 2]; 2] {
         // A shape has at least one layer.
         self.nets
@@ -269,6 +273,7 @@ impl Memory {
         let first = part * self.environments;
         let start_first = part.saturating_sub(1) * self.environments;
         let launches = self.layers(net, &self.once(net, net.observation, first, start_first, false));
+        // Places of `input` and `start` in the arguments of `layers`.
         (launches, [18, 21])
     }
 
@@ -336,6 +341,7 @@ impl Memory {
         let mut launches = Vec::new();
         for net in &self.nets {
             let cell = net.shape.cell;
+            // From the last layer back: each gives the one below it its derivative.
             for (index, (span, layer)) in net.shape.layers().iter().zip(&net.layers).enumerate().rev() {
                 let wide = cell.gates() * span.hidden;
                 let places = span.parts.each_ref().map(|range| net.offset + range.start);
@@ -394,7 +400,7 @@ impl Memory {
         launch("memory_reduce", shape, &[&numbers[..], &arrays].concat())
     }
 
-    /// Of several GPUs: this one's gradient, and those of all.
+    /// With several GPUs: the arrays of this one's gradient and of the gradients of all.
     pub(super) fn shares(&self, turn: usize) -> [Value; 2] {
         [self.own_shares[turn], self.shares]
     }

@@ -32,7 +32,7 @@ pub struct Plan {
     pub launches: Vec<Launch>,
     /// The launches of the update that need none of those before them. They come before the first exchange.
     pub apart: std::ops::Range<usize>,
-    /// Of several GPUs: what they tell each other, in order; none of one.
+    /// Exchanges between several GPUs, in order; empty for one GPU.
     pub exchanges: Vec<Exchange>,
 }
 
@@ -90,7 +90,7 @@ fn word(value: usize) -> Value {
     Value::U32(u32::try_from(value).unwrap_or(u32::MAX))
 }
 
-/// What the plan is made for.
+/// Settings and sizes that the plan is made for.
 pub(in crate::ppo) struct Task<'a> {
     pub settings: &'a Settings,
     pub widths: Widths,
@@ -173,16 +173,18 @@ impl Plan {
         let mut launch = self.foresee.clone()?;
         let (processors, tile, _) = self.sharing;
         launch.shape.grid[0] = rows.div_ceil(tile).clamp(1, processors.max(1)) as u32;
+        // No block for the actor: its means are not asked for.
         launch.arguments[..3].copy_from_slice(&[word(from), word(rows), word(0)]);
+        // Places of the critic's observations and of the values in the arguments of `Update::foresee`.
         Some((launch, [4, 8]))
     }
 
-    /// What memories do before [`Plan::foresee`] of a rollout's step; nothing without them.
+    /// Launches of the memories before [`Plan::foresee`] of a rollout's step; empty without memories.
     pub fn remember(&self, step: usize) -> Vec<Launch> {
         self.memory.as_ref().map(|memory| memory.step(step)).unwrap_or_default()
     }
 
-    /// What the critic's memory does before [`Plan::foresee_values`] of `environments` rows of states from number
+    /// Launches of the critic's memory before [`Plan::foresee_values`] of `environments` rows of states from number
     /// `part · environments` on, and places of arguments: the states, of the first launch, and what is remembered before
     /// them, of all. The first part begins with what is remembered now.
     pub fn remember_tail(&self, part: usize) -> Option<(Vec<Launch>, [usize; 2])> {
@@ -204,6 +206,7 @@ impl Plan {
 /// Blocks of the actor and of the critic: by their work, at least one each, at most one a tile.
 fn share(processors: usize, tiles: usize, work: [usize; 2]) -> [usize; 2] {
     let (processors, tiles) = (processors.max(2), tiles.max(1));
+    // Rounded to the nearest.
     let actor = (processors * work[0] + (work[0] + work[1]) / 2) / (work[0] + work[1]).max(1);
     let actor = actor.clamp(1, processors - 1);
     [actor.min(tiles), (processors - actor).min(tiles)]

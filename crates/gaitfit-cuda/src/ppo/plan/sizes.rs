@@ -16,7 +16,7 @@ pub(super) struct Sizes {
     pub actions: usize,
     /// Steps and environments.
     pub batch: Batch,
-    /// What minibatches are made of, samples or with a memory robots, and the rows of each.
+    /// Number of units that minibatches are made of (samples; with a memory, robots), and the rows of each.
     pub units: usize,
     pub unit_rows: usize,
     /// Passes over the samples, and steps of the gradient in each.
@@ -45,6 +45,7 @@ impl Sizes {
             widths,
             actions,
             batch,
+            // A memory needs whole sequences: its minibatches are made of robots, each with all of its steps.
             units: if task.memories.is_some() { batch.environments } else { rows },
             unit_rows: if task.memories.is_some() { batch.steps } else { 1 },
             epochs: settings.epochs,
@@ -65,6 +66,7 @@ impl Sizes {
 
     /// The first unit of a minibatch.
     pub(super) fn first(&self, minibatch: usize) -> usize {
+        // Minibatches differ by at most one unit, and none is left out.
         minibatch * self.units / self.minibatches
     }
 

@@ -11,7 +11,7 @@ pub(super) struct Update<'a> {
     pub settings: &'a Settings,
     pub sizes: Sizes,
     pub arrays: Arrays,
-    /// What stands before the networks.
+    /// Memories before the networks.
     pub memory: Option<Memory>,
     /// Takes the launches.
     pub maker: Maker,
@@ -50,6 +50,7 @@ impl Update<'_> {
         m.launch("fill", Shape::new(1, 32), &[a.first, word(CHECKED.len()), Value::U32(u32::MAX)]);
         let Sizes { rows, widths, batch, .. } = self.sizes;
         let widest = widths.observation.max(widths.critic_observation).max(widths.action);
+        // Each of a block's 256 threads looks at 16 numbers of the widest array, at more if it is very long.
         let blocks = (rows * widest).div_ceil(4096).clamp(1, 512) as u32;
         let shape = Shape { grid: [blocks, CHECKED.len() as u32, 1], ..Shape::new(1, 256) };
         let sizes = [rows, batch.environments, widths.observation, widths.critic_observation].map(word);
@@ -73,6 +74,8 @@ impl Update<'_> {
     /// Advantages and returns.
     pub(super) fn advantages(&mut self) {
         let (a, settings, batch) = (self.arrays, self.settings, self.sizes.batch);
+        // Generalised advantage estimation (Schulman et al. 2016): a thread goes backwards through an environment's
+        // steps.
         let (gamma, decay) = (settings.gamma as f32, (settings.gamma * settings.lambda) as f32);
         let arguments = [
             word(batch.steps),
@@ -93,12 +96,13 @@ impl Update<'_> {
             self.maker.launch("advantages_share", Shape::new(1, 1024), &arguments);
             return;
         }
+        // One block needs no exchange between blocks: the means come first, then the sums of squares about them.
         let normalise = word(usize::from(settings.normalise_advantage));
         let arguments = [word(self.sizes.rows), normalise, a.advantage, a.returns, a.value, a.state];
         self.maker.launch("advantages", Shape::new(1, 1024), &arguments);
     }
 
-    /// Of several GPUs: normalises the advantages of all.
+    /// With several GPUs: normalises the advantages of all.
     pub(super) fn normalise_together(&mut self) {
         let (a, count, rows) = (self.arrays, self.sizes.batch.share.count, self.sizes.rows);
         if count > 1 {
@@ -147,7 +151,7 @@ impl Update<'_> {
         }
     }
 
-    /// What the networks take, and its factors and offsets: observations, or what memories give.
+    /// Inputs of the networks, observations or outputs of memories, with their factors and offsets.
     fn taken(&self) -> (Value, Value, Value) {
         match &self.memory {
             None => (self.arrays.observation, self.arrays.critic_observation, self.arrays.scale),
@@ -162,7 +166,7 @@ impl Update<'_> {
     /// the weights.
     fn gradient(&mut self, epoch: usize, minibatch: usize) {
         let (a, sizes) = (self.arrays, self.sizes);
-        // Of several GPUs one may still read what another has said in the step before.
+        // With several GPUs, one may still read what another wrote in the step before: two arrays take turns.
         let turn = (epoch * sizes.minibatches + minibatch) % 2;
         let [actor, critic] = sizes.blocks;
         let blocks = Shape::new((actor + critic) as u32, THREADS as u32);
@@ -175,6 +179,7 @@ impl Update<'_> {
         let mut arguments = vec![
             word(epoch * sizes.rows + sizes.begin(minibatch)),
             word(sizes.minibatch_rows(minibatch)),
+            // Losses are means over the minibatch of all GPUs, so each GPU divides by all of their rows.
             Value::F32((1.0 / sizes.whole_rows(minibatch) as f64) as f32),
             word(actor),
             a.control,
