@@ -194,6 +194,7 @@ fn touching<K>(
         touching.push((index, home));
         for pair in &mut pairs[link.pairs.clone()] {
             pair.member = home.map_or(0, |home| index - segments[home].first);
+            pair.node = home.map_or(0, |home| segments[home].parent);
             if pair.condim > 3 {
                 pair.spin = spins;
                 spins += pair.points.len();
@@ -350,6 +351,7 @@ fn compile_pair<T: Real>(
         model_pair: index,
         spin: 0,
         member: 0,
+        node: 0,
         touched,
         shape,
         center: k3(add(seat.position, rotate(&seat.rotation, geom.pos))),

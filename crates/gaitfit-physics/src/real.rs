@@ -109,6 +109,11 @@ pub trait Real:
         let d2 = d * d;
         (Self::lit(2.0) * n * d) * n.fma(n, d2).recip()
     }
+    /// `self` limited to `[−bound, bound]`, for bounds that are not negative.
+    #[inline(always)]
+    fn within(self, bound: Self) -> Self {
+        self.clamp(-bound, bound)
+    }
     /// `self` limited to `[lower, upper]`.
     #[inline(always)]
     fn clamp(self, lower: Self, upper: Self) -> Self {

@@ -13,7 +13,7 @@ use crate::separate::separate;
 use crate::solver::set_step;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{JointWork, State, Work};
-use crate::tree::{SEGMENT, Tree};
+use crate::tree::{SEGMENT, Segment, Tree};
 use crate::vec3::*;
 
 /// How much of a Newton step is needed.
@@ -78,15 +78,15 @@ impl<T: Real> Block<T> {
 #[inline(always)]
 pub(crate) fn eliminate<T: Real>(
     tree: &Tree<T::K>,
-    index: usize,
+    (index, segment): (usize, &Segment),
     hessian: bool,
     state: &State<T>,
     work: &mut Work<T>,
 ) -> T {
-    match tree.segments[index].len {
-        1 => eliminate_joints::<T, 1>(tree, index, hessian, state, work),
-        2 => eliminate_joints::<T, 2>(tree, index, hessian, state, work),
-        _ => eliminate_joints::<T, 3>(tree, index, hessian, state, work),
+    match segment.len {
+        1 => eliminate_joints::<T, 1>(tree, (index, segment), hessian, state, work),
+        2 => eliminate_joints::<T, 2>(tree, (index, segment), hessian, state, work),
+        _ => eliminate_joints::<T, 3>(tree, (index, segment), hessian, state, work),
     }
 }
 
@@ -94,12 +94,11 @@ pub(crate) fn eliminate<T: Real>(
 #[inline(always)]
 fn eliminate_joints<T: Real, const N: usize>(
     tree: &Tree<T::K>,
-    index: usize,
+    (index, segment): (usize, &Segment),
     hessian: bool,
     state: &State<T>,
     work: &mut Work<T>,
 ) -> T {
-    let segment = &tree.segments[index];
     let joints = segment.first - 1..segment.first - 1 + N;
     let (curvatures, rows) = joint_rows::<T, N>(joints.clone(), hessian, state, work);
     let scratch = &work.segments[index];
@@ -131,7 +130,7 @@ fn eliminate_joints<T: Real, const N: usize>(
         parent.inertia.add(&inertia);
         parent.residual = add6(parent.residual, residual);
     }
-    segment_contacts::<T, N>(tree, index, hessian, &mut block, work);
+    segment_contacts::<T, N>(tree, (index, segment), hessian, &mut block, work);
     let Block { h, f, r } = block;
 
     // LDLᵀ of H, applied to [Fᵀ | r] on the way.
@@ -206,7 +205,7 @@ pub(crate) fn joint_row<T: Real>(joint: &mut JointWork<T>, limited: T::Guard, qa
     let z = T::zero();
     let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
-    let mut row = slip.clamp(-loss, loss);
+    let mut row = slip.within(loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
     if T::enter(limited) {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
@@ -246,31 +245,28 @@ separate! {
     }
 }
 
-/// Adds the contacts of the segment's links to its block and to the node.
+/// Adds the contacts of the segment's links to its block.
 #[inline(always)]
 fn segment_contacts<T: Real, const N: usize>(
     tree: &Tree<T::K>,
-    index: usize,
+    (index, segment): (usize, &Segment),
     hessian: bool,
     block: &mut Block<T>,
-    work: &mut Work<T>,
+    work: &Work<T>,
 ) {
-    let segment = &tree.segments[index];
+    let axis = &work.segments[index].axis;
+    let (all, pairs, points, spins) = (&tree.pairs[..], &work.pairs[..], &work.points[..], &work.spins[..]);
     for number in segment.pairs.clone() {
-        let pair = &tree.pairs[number];
-        let active = work.pairs[number].active;
+        let (pair, active) = (&all[number], pairs[number].active);
         if !T::enter(active) {
             continue;
         }
-        let parent = &mut work.nodes[segment.parent];
-        let before = (*block, parent.inertia, parent.residual);
-        for (place, point) in work.points[pair.points.clone()].iter().enumerate() {
+        let before = *block;
+        for (place, point) in points[pair.points.clone()].iter().enumerate() {
             if pair.condim > 3 {
-                let (wrench, inertia) = &work.spins[pair.spin + place];
+                let (wrench, inertia) = &spins[pair.spin + place];
                 let inertia = if hessian { *inertia } else { Articulated::zero() };
-                block.carry::<N>(pair.member, &work.segments[index].axis, &inertia, *wrench);
-                parent.inertia.add(&inertia);
-                parent.residual = add6(parent.residual, *wrench);
+                block.carry::<N>(pair.member, axis, &inertia, *wrench);
                 continue;
             }
             for k in 0..N {
@@ -288,12 +284,9 @@ fn segment_contacts<T: Real, const N: usize>(
                     }
                 }
             }
-            parent.push(point, hessian);
         }
         T::leave(active);
-        block.merge(active, &before.0);
-        parent.inertia.merge(active, &before.1);
-        merge6(&mut parent.residual, active, &before.2);
+        block.merge(active, &before);
     }
 }
 
@@ -304,15 +297,15 @@ fn segment_contacts<T: Real, const N: usize>(
 #[inline(always)]
 pub(crate) fn back_substitute<T: Real>(
     tree: &Tree<T::K>,
-    index: usize,
+    (index, segment): (usize, &Segment),
     wanted: Wanted,
     corrected: Option<T::Guard>,
     work: &mut Work<T>,
 ) -> (T, T) {
-    match tree.segments[index].len {
-        1 => substitute_joints::<T, 1>(tree, index, wanted, corrected, work),
-        2 => substitute_joints::<T, 2>(tree, index, wanted, corrected, work),
-        _ => substitute_joints::<T, 3>(tree, index, wanted, corrected, work),
+    match segment.len {
+        1 => substitute_joints::<T, 1>(tree, (index, segment), wanted, corrected, work),
+        2 => substitute_joints::<T, 2>(tree, (index, segment), wanted, corrected, work),
+        _ => substitute_joints::<T, 3>(tree, (index, segment), wanted, corrected, work),
     }
 }
 
@@ -320,14 +313,17 @@ pub(crate) fn back_substitute<T: Real>(
 #[inline(always)]
 fn substitute_joints<T: Real, const N: usize>(
     tree: &Tree<T::K>,
-    index: usize,
+    (index, segment): (usize, &Segment),
     wanted: Wanted,
     corrected: Option<T::Guard>,
     work: &mut Work<T>,
 ) -> (T, T) {
-    let segment = &tree.segments[index];
+    // Slices, looked up once: the compiler would look again after every number written.
+    let (all, pairs) = (&tree.pairs[..], &work.pairs[..]);
+    let (nodes, points) = (&mut work.nodes[..], &mut work.points[..]);
+    let joints = &mut work.joints[segment.first - 1..segment.first - 1 + N];
     let scratch = &mut work.segments[index];
-    let above = work.nodes[segment.parent].step;
+    let above = nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
     for k in (0..N).rev() {
         let mut s = scratch.inverse[k].fnma(dot6(scratch.coupling[k], above), -scratch.solved[k]);
@@ -341,10 +337,9 @@ fn substitute_joints<T: Real, const N: usize>(
     {
         T::leave(touching);
         for k in 0..N {
-            step[k] = work.joints[segment.first + k - 1].step.merge(touching, step[k]);
+            step[k] = joints[k].step.merge(touching, step[k]);
         }
     }
-    let joints = &mut work.joints[segment.first - 1..segment.first - 1 + N];
     for k in 0..N {
         joints[k].step = step[k];
     }
@@ -353,13 +348,13 @@ fn substitute_joints<T: Real, const N: usize>(
         for k in 0..N {
             a = axpy6(step[k], scratch.axis[k], a);
         }
-        work.nodes[node].step = a;
+        nodes[node].step = a;
     }
     let (mut slope, mut curvature) = (T::zero(), T::zero());
     if wanted == Wanted::Step {
         return (slope, curvature);
     }
-    let parent = &mut work.nodes[segment.parent];
+    let parent = &mut nodes[segment.parent];
     let mut wrench = parent.step_wrench;
     for k in 0..N {
         wrench = axpy6(step[k], scratch.force[k], wrench);
@@ -375,24 +370,23 @@ fn substitute_joints<T: Real, const N: usize>(
     }
     parent.step_wrench = wrench;
     if let Some(node) = segment.node {
-        let node = &mut work.nodes[node];
+        let node = &mut nodes[node];
         node.step_wrench = node.rigid.mul(node.step);
     }
     for number in segment.pairs.clone() {
-        let pair = &tree.pairs[number];
-        let active = work.pairs[number].active;
+        let (pair, active) = (&all[number], pairs[number].active);
         if !T::enter(active) {
             continue;
         }
         let before = slope;
-        for point in &mut work.points[pair.points.clone()] {
+        for point in &mut points[pair.points.clone()] {
             let mut linear = cross_add(above[0], point.x, above[1]);
             let mut angular = above[0];
             for k in 0..N {
                 if k <= pair.member {
                     linear = axpy(step[k], point.columns[k], linear);
                     if pair.condim > 3 {
-                        angular = axpy(step[k], work.segments[index].axis[k][0], angular);
+                        angular = axpy(step[k], scratch.axis[k][0], angular);
                     }
                 }
             }

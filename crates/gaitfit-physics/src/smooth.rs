@@ -293,17 +293,16 @@ fn mixed<T: Real>(r: &M3<T>, s: T, c: T, a: usize, b: usize) -> [V3<T>; 2] {
 /// World inertia and inertial wrench of a link that moves with `m`.
 #[inline(always)]
 pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>, V6<T>) {
-    let c = add(m.position, rotate(&m.rotation, p.com));
+    let c = rotate_add(&m.rotation, p.com, m.position);
     let central = inertia_rotate(&m.rotation, &p.inertia);
     let h = scale(p.mass, c);
-    let (xx, yy, zz) = (h[0] * c[0], h[1] * c[1], h[2] * c[2]);
     let rigid = Rigid {
         m: p.mass,
         h,
         i: [
-            central[0] + (yy + zz),
-            central[1] + (xx + zz),
-            central[2] + (xx + yy),
+            h[1].fma(c[1], h[2].fma(c[2], central[0])),
+            h[0].fma(c[0], h[2].fma(c[2], central[1])),
+            h[0].fma(c[0], h[1].fma(c[1], central[2])),
             h[0].fnma(c[1], central[3]),
             h[0].fnma(c[2], central[4]),
             h[1].fnma(c[2], central[5]),

@@ -15,7 +15,7 @@ use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::self_contact;
 use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
-use crate::state::{Point, State, Work};
+use crate::state::{PairWork, Point, State, Work};
 use crate::tree::{Pair, Tree};
 use crate::vec3::*;
 use crate::{Damping, Real};
@@ -63,24 +63,23 @@ separate! {
         state: &State<T>,
         work: &mut Work<T>,
     ) -> (T, T) {
-        contact_terms(tree, work);
-        if !tree.self_contact.is_empty() {
-            self_contact::terms(tree, state, work);
-        }
         for node in &mut work.nodes {
             node.inertia = Articulated::from_rigid(&node.rigid);
             node.residual = node.wrench;
         }
+        contact_terms(tree, hessian, work);
+        if !tree.self_contact.is_empty() {
+            self_contact::terms(tree, state, work);
+        }
         let mut slope = T::zero();
-        for index in (0..tree.segments.len()).rev() {
-            slope = slope - eliminate(tree, index, hessian, state, work);
+        for segment in tree.segments.iter().enumerate().rev() {
+            slope = slope - eliminate(tree, segment, hessian, state, work);
         }
         let mut step = zero6();
         // A fixed root gathers what its segments push on it: start afresh, or one diverged environment would leave its
         // NaN to those that later use the same scratch.
         work.nodes[0].step_wrench = zero6();
         if tree.floating {
-            root_contacts(tree, hessian, work);
             free::terms(tree, hessian, state, work);
             let root = &work.nodes[0];
             step = root.inertia.solve_neg(root.residual);
@@ -90,8 +89,8 @@ separate! {
         let mut corrected = None;
         if hessian && !tree.self_contact.is_empty() && T::enter(touching) {
             work.nodes[0].step = step;
-            for index in 0..tree.segments.len() {
-                back_substitute(tree, index, Wanted::Step, None, work);
+            for segment in tree.segments.iter().enumerate() {
+                back_substitute(tree, segment, Wanted::Step, None, work);
             }
             let changed = slope + self_contact::correct(tree, state, work);
             let root = work.nodes[0].step;
@@ -110,8 +109,8 @@ separate! {
         }
         work.nodes[0].step = step;
         let mut curvature = T::zero();
-        for index in 0..tree.segments.len() {
-            let (rows, smooth) = back_substitute(tree, index, wanted, corrected, work);
+        for segment in tree.segments.iter().enumerate() {
+            let (rows, smooth) = back_substitute(tree, segment, wanted, corrected, work);
             slope = slope - rows;
             curvature = curvature + smooth;
         }
@@ -125,34 +124,46 @@ separate! {
     }
 }
 
-/// Forces and Hessians of all contacts at their residuals, kept in the points.
+/// Forces and Hessians of all contacts at their residuals, kept in the points, and what the nodes feel of them. Without
+/// `hessian` the nodes feel the forces alone.
 #[inline(always)]
-fn contact_terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
-    for index in 0..tree.pairs.len() {
-        let pair = &tree.pairs[index];
-        let active = work.pairs[index].active;
-        if !T::enter(active) {
+fn contact_terms<T: Real>(tree: &Tree<T::K>, hessian: bool, work: &mut Work<T>) {
+    // Slices, looked up once: the compiler would look again after every number written.
+    let (pairs, all, spins) = (&work.pairs[..], &mut work.points[..], &mut work.spins[..]);
+    for (index, pair) in tree.pairs.iter().enumerate() {
+        let PairWork { active, friction: mu } = &pairs[index];
+        if !T::enter(*active) {
             continue;
         }
-        let mu = &work.pairs[index].friction;
-        let points = &mut work.points[pair.points.clone()];
+        let points = &mut all[pair.points.clone()];
+        let node = &mut work.nodes[pair.node];
+        let before = (node.inertia, node.residual);
         // A loop for each cone: the compiler prepares in front of a loop what any of its branches might use.
         if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
             for point in points {
                 keep(pair, point, pyramid3(pair.condim, mu, point.d, point.residual[0]));
+                node.push(point, hessian);
             }
         } else if pair.condim == 3 {
             for point in points {
                 keep(pair, point, ellipse3(mu, tree.impratio, point.d, point.residual[0]));
+                node.push(point, hessian);
             }
         } else {
             for (number, point) in points.iter_mut().enumerate() {
                 let (f, w) = cone(tree, pair, mu, point.d, &flat(&point.residual));
                 point.force = [[f[0], f[1], f[2]], [f[3], f[4], f[5]]];
-                work.spins[pair.spin + number] = spin_terms(pair.condim, point, &f, &w);
+                let (wrench, inertia) = spin_terms(pair.condim, point, &f, &w);
+                spins[pair.spin + number] = (wrench, inertia);
+                node.residual = add6(node.residual, wrench);
+                if hessian {
+                    node.inertia.add(&inertia);
+                }
             }
         }
-        T::leave(active);
+        T::leave(*active);
+        node.inertia.merge(*active, &before.0);
+        merge6(&mut node.residual, *active, &before.1);
     }
 }
 
@@ -193,34 +204,6 @@ fn spin_terms<T: Real>(
         inertia.add_outer(wrenches[k], v);
     }
     (wrench, inertia)
-}
-
-/// Adds the root's own contacts to its inertia and residual.
-#[inline(always)]
-fn root_contacts<T: Real>(tree: &Tree<T::K>, hessian: bool, work: &mut Work<T>) {
-    for index in tree.links[0].pairs.clone() {
-        let pair = &tree.pairs[index];
-        let active = work.pairs[index].active;
-        if !T::enter(active) {
-            continue;
-        }
-        let root = &mut work.nodes[0];
-        let before = (root.inertia, root.residual);
-        for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
-            if pair.condim > 3 {
-                let (wrench, inertia) = &work.spins[pair.spin + number];
-                root.residual = add6(root.residual, *wrench);
-                if hessian {
-                    root.inertia.add(inertia);
-                }
-            } else {
-                root.push(point, hessian);
-            }
-        }
-        T::leave(active);
-        root.inertia.merge(active, &before.0);
-        merge6(&mut root.residual, active, &before.1);
-    }
 }
 
 /// A three-dimensional force and weight (nn, 11, 22, n1, n2, 12) in world axes.
@@ -304,7 +287,7 @@ separate! {
             let h = (h + curvature).max(T::lit(1e-30));
             lower = T::select_lt(g, z, alpha, lower);
             upper = T::select_lt(g, z, upper, alpha);
-            let change = g.div(h);
+            let change = g * h.recip();
             let newton = alpha - change;
             let middle = T::lit(0.5) * (lower + upper);
             // Across a narrow kink Newton's method jumps to and fro between the ends: halve where it arrives at the
@@ -348,7 +331,7 @@ fn rows_along<T: Real>(
         let a = alpha.fma(step, qacc);
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
-        g.0 = step.fma(slip.clamp(-loss, loss), g.0);
+        g.0 = step.fma(slip.within(loss), g.0);
         let curve = T::select_lt(slip.abs(), loss, joint.friction_d * step, z);
         g.1 = curve.fma(step, g.1);
         if T::enter(limited) {
@@ -364,14 +347,13 @@ fn rows_along<T: Real>(
     if !tree.couplings.is_empty() {
         g = coupling::along(tree, alpha, state, work, g);
     }
-    for index in 0..tree.pairs.len() {
-        let pair = &tree.pairs[index];
-        let active = work.pairs[index].active;
+    for (index, pair) in tree.pairs.iter().enumerate() {
+        let PairWork { active, friction: mu } = &work.pairs[index];
+        let active = *active;
         if !T::enter(active) {
             continue;
         }
         let before = (g, *kinks);
-        let mu = &work.pairs[index].friction;
         let points = &work.points[pair.points.clone()];
         // A loop for each cone, as in `contact_terms`.
         if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
@@ -426,13 +408,13 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
     for segment in &mut work.segments {
         segment.residual = axpy(alpha, segment.step_residual, segment.residual);
     }
-    for index in 0..tree.pairs.len() {
-        let pair = &tree.pairs[index];
-        let active = work.pairs[index].active;
+    let (pairs, points) = (&work.pairs[..], &mut work.points[..]);
+    for (index, pair) in tree.pairs.iter().enumerate() {
+        let active = pairs[index].active;
         if !T::enter(active) {
             continue;
         }
-        for point in &mut work.points[pair.points.clone()] {
+        for point in &mut points[pair.points.clone()] {
             point.residual[0] = axpy(alpha, point.step[0], point.residual[0]);
             if pair.condim > 3 {
                 point.residual[1] = axpy(alpha, point.step[1], point.residual[1]);

@@ -118,23 +118,27 @@ impl<T: Real> Articulated<T> {
         }
     }
 
-    /// `Jᵀ W J` of a point at `x` (from the reference point) with translational weight `w`, world axes.
+    /// Adds `Jᵀ W J` of a point at `x` (from the reference point) with translational weight `w`, world axes.
     #[inline(always)]
-    pub fn point(x: V3<T>, w: &Sym3<T>) -> Self {
+    pub fn add_point(&mut self, x: V3<T>, w: &Sym3<T>) {
         // G = [x]× W, by rows; the angular block is G [x]×ᵀ, whose row i is x × G_i.
         let c0 = cross(x, [w[0], w[3], w[4]]);
         let c1 = cross(x, [w[3], w[1], w[5]]);
         let c2 = cross(x, [w[4], w[5], w[2]]);
         let g: M3<T> = each3!(i => [c0[i], c1[i], c2[i]]);
-        let aa = [
-            x[2].fnma(g[0][1], x[1] * g[0][2]),
-            x[0].fnma(g[1][2], x[2] * g[1][0]),
-            x[1].fnma(g[2][0], x[0] * g[2][1]),
-            x[0].fnma(g[0][2], x[2] * g[0][0]),
-            x[1].fnma(g[0][0], x[0] * g[0][1]),
-            x[1].fnma(g[1][0], x[0] * g[1][1]),
-        ];
-        Self { aa, al: g, ll: *w }
+        let a = &mut self.aa;
+        a[0] = x[2].fnma(g[0][1], x[1].fma(g[0][2], a[0]));
+        a[1] = x[0].fnma(g[1][2], x[2].fma(g[1][0], a[1]));
+        a[2] = x[1].fnma(g[2][0], x[0].fma(g[2][1], a[2]));
+        a[3] = x[0].fnma(g[0][2], x[2].fma(g[0][0], a[3]));
+        a[4] = x[1].fnma(g[0][0], x[0].fma(g[0][1], a[4]));
+        a[5] = x[1].fnma(g[1][0], x[0].fma(g[1][1], a[5]));
+        for i in 0..3 {
+            self.al[i] = add(self.al[i], g[i]);
+        }
+        for k in 0..6 {
+            self.ll[k] = self.ll[k] + w[k];
+        }
     }
 
     /// Product with a motion vector.
@@ -154,10 +158,11 @@ impl<T: Real> Articulated<T> {
     /// instruction on its sign.
     #[inline(always)]
     pub fn sub_outers<const N: usize>(&mut self, u: &[V6<T>], v: &[V6<T>]) {
+        // In the order in which `solve_neg` reads them.
         for k in 0..6 {
             let (i, j) = PLACES[k];
             for n in 0..N {
-                self.aa[k] = u[n][0][j].fnma(v[n][0][i], self.aa[k]);
+                self.ll[k] = u[n][1][j].fnma(v[n][1][i], self.ll[k]);
             }
         }
         for i in 0..3 {
@@ -170,7 +175,7 @@ impl<T: Real> Articulated<T> {
         for k in 0..6 {
             let (i, j) = PLACES[k];
             for n in 0..N {
-                self.ll[k] = u[n][1][j].fnma(v[n][1][i], self.ll[k]);
+                self.aa[k] = u[n][0][j].fnma(v[n][0][i], self.aa[k]);
             }
         }
     }

@@ -117,7 +117,7 @@ impl<T: Real> Node<T> {
         let (x, f) = (point.x, point.world_force);
         self.residual = [cross_add(x, f, self.residual[0]), add(self.residual[1], f)];
         if hessian {
-            self.inertia.add(&Articulated::point(x, &point.weight));
+            self.inertia.add_point(x, &point.weight);
         }
     }
 }

@@ -46,13 +46,16 @@ pub(crate) fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: 
         let change = implicit_damping(tree, state, work);
         base = [add(base[0], change[0]), add(base[1], change[1])];
     }
-    for j in 0..work.joints.len() {
-        let mut a = state.qacc[j];
+    // Slices of one length, which is looked at once.
+    let n = work.joints.len();
+    let (qpos, qvel, qacc) = (&mut state.qpos[..n], &mut state.qvel[..n], &state.qacc[..n]);
+    for j in 0..n {
+        let mut a = qacc[j];
         if implicit {
             a = a + work.joints[j].step;
         }
-        state.qvel[j] = h.fma(a, state.qvel[j]);
-        state.qpos[j] = h.fma(state.qvel[j], state.qpos[j]);
+        qvel[j] = h.fma(a, qvel[j]);
+        qpos[j] = h.fma(qvel[j], qpos[j]);
     }
     if !tree.floating {
         return;

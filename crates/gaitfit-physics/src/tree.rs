@@ -175,8 +175,9 @@ pub(crate) struct Pair<K> {
     pub model_pair: usize,
     /// Place of the first point among the points with spin.
     pub spin: usize,
-    /// Place of the pair's link in its segment.
+    /// Place of the pair's link in its segment, and the node that carries the segment.
     pub member: usize,
+    pub node: usize,
     pub touched: Touched,
     pub shape: LinkShape<K>,
     pub center: [K; 3],

@@ -72,9 +72,9 @@ pub(crate) fn cross<T: Real>(a: V3<T>, b: V3<T>) -> V3<T> {
 #[inline(always)]
 pub(crate) fn cross_add<T: Real>(a: V3<T>, b: V3<T>, c: V3<T>) -> V3<T> {
     [
-        a[2].fnma(b[1], a[1].fma(b[2], c[0])),
-        a[0].fnma(b[2], a[2].fma(b[0], c[1])),
-        a[1].fnma(b[0], a[0].fma(b[1], c[2])),
+        b[1].fnma(a[2], a[1].fma(b[2], c[0])),
+        b[2].fnma(a[0], a[2].fma(b[0], c[1])),
+        b[0].fnma(a[1], a[0].fma(b[1], c[2])),
     ]
 }
 /// After a region that changed the numbers: see [`Real::merge`].
@@ -88,6 +88,11 @@ pub(crate) fn merge_all<T: Real, const N: usize>(all: &mut [T; N], guard: T::Gua
 #[inline(always)]
 pub(crate) fn rotate<T: Real>(r: &M3<T>, v: V3<T>) -> V3<T> {
     each3!(i => dot(r[i], v))
+}
+/// `c + R v`.
+#[inline(always)]
+pub(crate) fn rotate_add<T: Real>(r: &M3<T>, v: V3<T>, c: V3<T>) -> V3<T> {
+    each3!(i => dot_add(r[i], v, c[i]))
 }
 /// `c + R v` with a constant vector.
 #[inline(always)]

@@ -37,6 +37,11 @@ lane_type! {
             let r = Self(intrinsic!(_mm512_rcp14_ps(self.0)));
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
+        #[inline(always)]
+        fn within(self, bound: Self) -> Self {
+            // The smaller of both by size, with the sign of the first: one instruction instead of three.
+            Self(intrinsic!(_mm512_range_ps::<0b0010>(self.0, bound.0)))
+        }
         branching_guards!(all_ge);
         #[inline(always)]
         fn separate<P: Part<A, R>, A, R>(arguments: A) -> R {

@@ -191,7 +191,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             if pair.condim > 3 {
                 work.self_contact.carried[link].add(&work.spins[pair.spin + number].1);
             } else {
-                work.self_contact.carried[link].add(&Articulated::point(point.x, &point.weight));
+                work.self_contact.carried[link].add_point(point.x, &point.weight);
             }
         }
         T::leave(active);
