@@ -107,7 +107,6 @@ fn gpu_drift_and_crossings_agree_with_the_cpus() {
     let got = drift(&device, &subject, 200, None, &|| false).unwrap().unwrap();
     assert!(got == drift(&device, &subject, 200, None, &|| false).unwrap().unwrap());
     assert_eq!(drift(&device, &subject, 200, None, &|| true).unwrap(), None);
-    assert!(drift(&device, &subject, 20_000, None, &|| false).is_err());
     let wanted = evaluate::drift(&subject, 200, None, 16).unwrap();
     assert_eq!(got.len(), wanted.len());
     for (got, want) in got.iter().zip(&wanted) {

@@ -84,7 +84,7 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
         let d = scratch.friction_d[part];
         for k in 0..3 {
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
-            scratch.row[part][k] = slip.within(loss);
+            scratch.row[part][k] = slip.clamp_abs(loss);
             weight[part][k] = T::select_lt(slip.abs(), loss, d, z);
         }
     }
@@ -136,7 +136,7 @@ pub(crate) fn along<T: Real>(
         for k in 0..3 {
             let step = scratch.step[part][k];
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
-            g.0 = step.fma(slip.within(loss), g.0);
+            g.0 = step.fma(slip.clamp_abs(loss), g.0);
             let curve = T::select_lt(slip.abs(), loss, d * step, T::zero());
             g.1 = curve.fma(step, g.1);
         }

@@ -109,9 +109,10 @@ pub trait Real:
         let d2 = d * d;
         (Self::lit(2.0) * n * d) * n.fma(n, d2).recip()
     }
-    /// `self` limited to `[−bound, bound]`, for bounds that are not negative.
+    /// `self` limited to `[−bound, bound]`, for bounds that are not negative. Instruction sets differ in what they return for
+    /// numbers that are not finite.
     #[inline(always)]
-    fn within(self, bound: Self) -> Self {
+    fn clamp_abs(self, bound: Self) -> Self {
         self.clamp(-bound, bound)
     }
     /// `self` limited to `[lower, upper]`.

@@ -205,7 +205,7 @@ pub(crate) fn joint_row<T: Real>(joint: &mut JointWork<T>, limited: T::Guard, qa
     let z = T::zero();
     let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
-    let mut row = slip.within(loss);
+    let mut row = slip.clamp_abs(loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
     if T::enter(limited) {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
@@ -318,7 +318,7 @@ fn substitute_joints<T: Real, const N: usize>(
     corrected: Option<T::Guard>,
     work: &mut Work<T>,
 ) -> (T, T) {
-    // Slices, looked up once: the compiler would look again after every number written.
+    // Slices, looked up once: the compiler would load their addresses again after every store.
     let (all, pairs) = (&tree.pairs[..], &work.pairs[..]);
     let (nodes, points) = (&mut work.nodes[..], &mut work.points[..]);
     let joints = &mut work.joints[segment.first - 1..segment.first - 1 + N];

@@ -124,11 +124,11 @@ separate! {
     }
 }
 
-/// Forces and Hessians of all contacts at their residuals, kept in the points, and what the nodes feel of them. Without
-/// `hessian` the nodes feel the forces alone.
+/// Computes forces and Hessians of all contacts at their residuals, keeps them in the points and adds them to the nodes; without
+/// `hessian` only the forces are added.
 #[inline(always)]
 fn contact_terms<T: Real>(tree: &Tree<T::K>, hessian: bool, work: &mut Work<T>) {
-    // Slices, looked up once: the compiler would look again after every number written.
+    // Slices, looked up once: the compiler would load their addresses again after every store.
     let (pairs, all, spins) = (&work.pairs[..], &mut work.points[..], &mut work.spins[..]);
     for (index, pair) in tree.pairs.iter().enumerate() {
         let PairWork { active, friction: mu } = &pairs[index];
@@ -287,7 +287,8 @@ separate! {
             let h = (h + curvature).max(T::lit(1e-30));
             lower = T::select_lt(g, z, alpha, lower);
             upper = T::select_lt(g, z, upper, alpha);
-            let change = g * h.recip();
+            // Not a product with the reciprocal: where nothing bends, the derivative of 1/h is more than `f32` holds.
+            let change = g.div(h);
             let newton = alpha - change;
             let middle = T::lit(0.5) * (lower + upper);
             // Across a narrow kink Newton's method jumps to and fro between the ends: halve where it arrives at the
@@ -331,7 +332,7 @@ fn rows_along<T: Real>(
         let a = alpha.fma(step, qacc);
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
-        g.0 = step.fma(slip.within(loss), g.0);
+        g.0 = step.fma(slip.clamp_abs(loss), g.0);
         let curve = T::select_lt(slip.abs(), loss, joint.friction_d * step, z);
         g.1 = curve.fma(step, g.1);
         if T::enter(limited) {

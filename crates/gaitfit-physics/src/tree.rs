@@ -175,8 +175,9 @@ pub(crate) struct Pair<K> {
     pub model_pair: usize,
     /// Place of the first point among the points with spin.
     pub spin: usize,
-    /// Place of the pair's link in its segment, and the node that carries the segment.
+    /// Place of the pair's link in its segment.
     pub member: usize,
+    /// Node that carries the segment.
     pub node: usize,
     pub touched: Touched,
     pub shape: LinkShape<K>,

@@ -6,8 +6,8 @@ use std::cell::Cell;
 use std::sync::{Mutex, PoisonError};
 
 thread_local! {
-    /// Max number of threads that the present thread's work may use, itself among them; without limit on threads that
-    /// this crate did not start.
+    /// Max number of threads that the present thread's work may use, itself among them; no limit outside the work of
+    /// this crate.
     static WIDTH: Cell<usize> = const { Cell::new(usize::MAX) };
 }
 

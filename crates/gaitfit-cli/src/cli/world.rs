@@ -103,8 +103,8 @@ pub struct Evaluate {
     /// Robots on each cell of the uneven ground
     #[arg(long, value_name = "N", default_value_t = 32, hide = true)]
     pub terrain_robots: usize,
-    /// What simulates the trajectories with random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000
-    /// trajectories or more, if one can be used)
+    /// What simulates the robots: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 robots or more, if one can
+    /// be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// Write a page with pictures

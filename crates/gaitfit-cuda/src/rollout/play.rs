@@ -26,13 +26,13 @@ pub(super) struct Extent {
     /// Steps of each.
     pub last: u32,
     /// Commands are [held](Play::hold) before steps whose number is 1 more than a multiple of this; 0 if they never are.
-    pub steady: u32,
+    pub command_period: u32,
 }
 
 impl Extent {
     /// Robots that keep their commands.
     pub fn new(count: usize, last: u32) -> Self {
-        Self { count, last, steady: 0 }
+        Self { count, last, command_period: 0 }
     }
 }
 
@@ -57,7 +57,7 @@ pub(super) struct Played {
     pub action: Vec<f32>,
     /// Rewards; not a number of a robot that diverged in [`Mode::Trials`].
     pub reward: Vec<f32>,
-    /// Whether each episode ended, by a fall.
+    /// Whether each episode ended: by a fall, or at the edge of generated ground.
     pub done: Vec<f32>,
 }
 
@@ -86,10 +86,10 @@ impl<'a> Play<'a> {
             error => error,
         };
         check(task, &candidates, &host).map_err(unsupported)?;
-        let Extent { count, last, steady } = extent;
+        let Extent { count, last, command_period } = extent;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
         // Commands change between graphs alone, so a graph must end where the next command begins.
-        let fits = |steps: &u32| steady.is_multiple_of(*steps);
+        let fits = |steps: &u32| command_period.is_multiple_of(*steps);
         let steps = (1..=STEPS.min(last)).rev().find(fits).unwrap_or(1) as usize;
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
@@ -110,7 +110,7 @@ impl<'a> Play<'a> {
     /// # Errors
     /// A randomisation that leaves no robot, or a failure of the GPU.
     pub fn begin(&mut self, environment: &mut Environment<'_>, first: u32) -> Result<(), RolloutError> {
-        // The first robots are there from the beginning.
+        // `Play::new` has made the robots from number 0 on.
         if self.first != first {
             self.first = first;
             self.rollout.randomise(self.learner.stream(), &self.candidates, self.subject.seed, first)?;

@@ -75,39 +75,44 @@ pub fn drift(
     speeds: Option<[f64; 3]>,
     cancel: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<DriftTrial>>, RolloutError> {
-    let recorders = DriftRecorder::all(subject.task, robots, speeds);
-    let Some(first) = recorders.first() else { return Ok(Some(Vec::new())) };
-    let extent = Extent { count: robots, last: first.last(), steady: first.steady() };
+    let Some(longest) = DriftRecorder::all(subject.task, 0, speeds).into_iter().next() else {
+        return Ok(Some(Vec::new()));
+    };
+    let (last, command_period) = (longest.last(), longest.command_period());
+    let extent = Extent { count: robots, last, command_period };
     let mut play = Play::new(device, subject, Mode::Trials, extent)?;
     let (environments, steps) = (play.environments, play.steps);
-    if robots > environments {
-        return Err(RolloutError::Trials(format!(
-            "more than {environments} robots under a constant command"
-        )));
-    }
-    let mut environment = drift_environment(subject, environments)?;
-    let mut results = Vec::with_capacity(recorders.len());
-    for mut recorder in recorders {
-        play.begin(&mut environment, 0)?;
-        for from in (1..=recorder.last()).step_by(steps) {
-            if cancel() {
-                return Ok(None);
+    let lots = robots.div_ceil(environments);
+    // A lot's recorders of all commands, then those of the next lot.
+    let mut recorders: Vec<DriftRecorder> = Vec::new();
+    for first in (0..robots).step_by(environments) {
+        let mut environment = drift_environment(subject, first as u32, environments)?;
+        let count = environments.min(robots - first);
+        for mut recorder in DriftRecorder::all(subject.task, count, speeds) {
+            play.begin(&mut environment, first as u32)?;
+            for from in (1..=last).step_by(steps) {
+                if cancel() {
+                    return Ok(None);
+                }
+                if let Some(command) = recorder.new_command(from) {
+                    play.hold(command)?;
+                }
+                let (played, bases) = (play.advance(from)?, play.bases()?);
+                for (row, step) in (from..=last).take(steps).enumerate() {
+                    recorder.take(step, |index| {
+                        let at = row * environments + index;
+                        (played.ended(at), ground_pose(&bases[7 * at..], &bases[7 * at + 3..]))
+                    });
+                }
+                subject.count(count * steps.min((last - from + 1) as usize));
             }
-            if let Some(command) = recorder.new_command(from) {
-                play.hold(command)?;
-            }
-            let (played, bases) = (play.advance(from)?, play.bases()?);
-            for (row, step) in (from..=recorder.last()).take(steps).enumerate() {
-                recorder.take(step, |index| {
-                    let at = row * environments + index;
-                    (played.ended(at), ground_pose(&bases[7 * at..], &bases[7 * at + 3..]))
-                });
-            }
-            subject.count(robots * steps.min((recorder.last() - from + 1) as usize));
+            recorders.push(recorder);
         }
-        results.push(recorder.finish());
     }
-    Ok(Some(results))
+    let commands = recorders.len() / lots.max(1);
+    let by_command =
+        (0..recorders.len()).map(|k| recorders[k % lots * commands + k / lots].clone()).collect();
+    Ok(Some(DriftRecorder::joined(by_command, lots)))
 }
 
 /// As [`gaitfit_learn::evaluate::crossings`], on a GPU, as [`run_trials`] does trajectories.

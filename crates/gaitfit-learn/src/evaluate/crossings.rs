@@ -161,7 +161,7 @@ impl<'a> CrossingRecorder<'a> {
             if ended == Ended::Diverged {
                 continue;
             }
-            // A place that is not finite cannot be measured, so a diverged robot left above.
+            // The place of a robot that diverged is not finite, so it is skipped above.
             let middle = self.course.middle(crossing.cell);
             crossing.distance = (x - self.starts[index][0]).hypot(y - self.starts[index][1]);
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;

@@ -36,6 +36,8 @@ const STAND: f64 = 1.0;
 const COMMAND: f64 = 4.0;
 /// Number of commands.
 const TRIALS: usize = 7;
+/// Robots that one thread advances together.
+const TILE: usize = 256;
 
 /// Constant commands along ±x, ±y and ±yaw, and standing: stand, command for four seconds, stand (the paper's hardware
 /// trials). `robots` start with the task's own deviations. `speeds`: how fast, m/s, m/s and rad/s; half of the task's
@@ -52,16 +54,29 @@ pub fn drift(
     speeds: Option<[f64; 3]>,
     threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
-    let recorders = DriftRecorder::all(subject.task, robots, speeds);
-    let one = |number: u32, _| Ok(vec![trial(subject, recorders[number as usize].clone())?]);
-    in_tiles(recorders.len(), 1, threads, one)
+    let lots = robots.div_ceil(TILE);
+    // The lots of the first command, then those of the second, and so on.
+    let one = |job: u32, _| {
+        let (command, first) = (job as usize / lots, job as usize % lots * TILE);
+        let recorder =
+            DriftRecorder::all(subject.task, TILE.min(robots - first), speeds).swap_remove(command);
+        Ok(vec![record(subject, first as u32, recorder)?])
+    };
+    let recorders = in_tiles(TRIALS * lots, 1, threads, one)?;
+    Ok(DriftRecorder::joined(recorders, lots))
 }
 
-fn trial(subject: &Subject<'_>, mut recorder: DriftRecorder) -> Result<DriftTrial, TaskError> {
-    let mut player = Player::new(subject, drift_environment(subject, recorder.robots())?);
+/// Moves the robots from number `first` on under the command of `recorder`.
+fn record(
+    subject: &Subject<'_>,
+    first: u32,
+    mut recorder: DriftRecorder,
+) -> Result<DriftRecorder, TaskError> {
+    let robots = recorder.robots();
+    let mut player = Player::new(subject, drift_environment(subject, first, robots)?);
     for step in 1..=recorder.last() {
         if let Some(command) = recorder.new_command(step) {
-            (0..recorder.robots()).for_each(|index| player.environment.hold_command(index, command));
+            (0..robots).for_each(|index| player.environment.hold_command(index, command));
         }
         player.step(step)?;
         let motion = player.environment.motion();
@@ -71,16 +86,20 @@ fn trial(subject: &Subject<'_>, mut recorder: DriftRecorder) -> Result<DriftTria
             (player.ended[index], ground_pose(place, quaternion))
         });
     }
-    Ok(recorder.finish())
+    Ok(recorder)
 }
 
-/// `robots` robots that are told to stand, as each constant command begins.
+/// `count` robots from number `first` on that are told to stand, as each constant command begins.
 ///
 /// # Errors
 /// A robot that cannot be.
-pub fn drift_environment<'a>(subject: &Subject<'a>, robots: usize) -> Result<Environment<'a>, TaskError> {
-    let mut environment = Environment::new(subject.task, subject.candidate, subject.seed, 0, robots)?;
-    (0..robots).for_each(|index| environment.hold_command(index, [0.0; 3]));
+pub fn drift_environment<'a>(
+    subject: &Subject<'a>,
+    first: u32,
+    count: usize,
+) -> Result<Environment<'a>, TaskError> {
+    let mut environment = Environment::new(subject.task, subject.candidate, subject.seed, first, count)?;
+    (0..count).for_each(|index| environment.hold_command(index, [0.0; 3]));
     Ok(environment)
 }
 
@@ -169,7 +188,7 @@ impl DriftRecorder {
 
     /// Returns the largest number of steps that divides the times at which the command changes. A GPU runs
     /// this many steps at a time and looks at the command in between.
-    pub fn steady(&self) -> u32 {
+    pub fn command_period(&self) -> u32 {
         let [begin, end, last] = self.steps;
         (1..=begin.max(1))
             .rev()
@@ -208,8 +227,24 @@ impl DriftRecorder {
         }
     }
 
-    /// The result.
-    pub fn finish(self) -> DriftTrial {
+    /// Results of all commands, of which `recorders` has `lots` each, one after the other.
+    pub fn joined(recorders: Vec<Self>, lots: usize) -> Vec<DriftTrial> {
+        let mut recorders = recorders.into_iter();
+        let mut results = Vec::with_capacity(TRIALS);
+        while let Some(mut all) = recorders.next() {
+            for lot in recorders.by_ref().take(lots.saturating_sub(1)) {
+                all.fallen.extend(lot.fallen);
+                all.diverged.extend(lot.diverged);
+                all.starts.extend(lot.starts);
+                all.ends.extend(lot.ends);
+            }
+            results.push(all.finish());
+        }
+        results
+    }
+
+    /// Returns the result.
+    fn finish(self) -> DriftTrial {
         let robots = self.robots();
         let wanted = self.command.map(|speed| speed * COMMAND);
         let errors: Vec<[f64; 3]> = (0..robots)

@@ -213,7 +213,8 @@ impl Task {
     }
 
     /// The robots of environments `first..first + count` with the policy's gains: environment number `e` is candidate
-    /// number `e` modulo their count, varied.
+    /// number `e` modulo their count, varied. All cores compute them, unless the calling thread's work is limited to fewer
+    /// ([`pool`]).
     ///
     /// # Errors
     /// A randomisation that leaves no robot.
@@ -241,6 +242,9 @@ impl Task {
         };
         let lots = pool::map(different.div_ceil(LOT), pool::threads(), lot);
         let robots: Vec<Params<f64>> = lots.into_iter().flatten().collect::<Result<_, _>>()?;
+        if different == count {
+            return Ok(robots);
+        }
         Ok(robots.iter().cycle().take(count).cloned().collect())
     }
 

@@ -38,7 +38,7 @@ lane_type! {
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
         #[inline(always)]
-        fn within(self, bound: Self) -> Self {
+        fn clamp_abs(self, bound: Self) -> Self {
             // The smaller of both by size, with the sign of the first: one instruction instead of three.
             Self(intrinsic!(_mm512_range_ps::<0b0010>(self.0, bound.0)))
         }

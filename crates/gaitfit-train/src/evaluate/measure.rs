@@ -29,7 +29,7 @@ pub struct Plan {
     pub seed: u64,
     /// Threads.
     pub threads: usize,
-    /// What simulates the trajectories and constant commands; the CPU records the gait of one robot.
+    /// What simulates trajectories, constant commands and crossings; the CPU records the gait of one robot.
     pub device: Device,
 }
 
@@ -185,7 +185,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         watch.shared(Amount::simulated("random commands: simulated second", periods, period), |moved| {
             let subject = Subject { moved: Some(moved), ..subject };
             let Plan { trajectories, seconds, threads, .. } = *plan;
-            plan.device.run(
+            plan.device.for_trajectories(trajectories).run(
                 watch,
                 |gpu| device::trials(gpu, &subject, trajectories, seconds, &cancel),
                 || Ok(run_trials(&subject, trajectories, seconds, threads)?),

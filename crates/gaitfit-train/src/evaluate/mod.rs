@@ -103,7 +103,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     let uneven = ground::open(&settings.world, &settings.ground, &world.policy)?;
     let begun = Instant::now();
     // A GPU stays open from one measurement to the next.
-    let _gpu = settings.device.open()?;
+    let _gpu = settings.device.for_trajectories(trajectories.max(drift)).open()?;
     let plan = Plan {
         trajectories,
         seconds,

@@ -98,13 +98,21 @@ impl Device {
         format!("device {self}{}", name.unwrap_or_default())
     }
 
+    /// Names the device of work that it does [for many robots](Self::for_trajectories) only, in a line that a command prints first.
+    pub fn line_by_robots(self) -> String {
+        match self {
+            Self::Found(_) => format!("{} for {FEW} robots or more, else the CPU", self.line()),
+            device => device.line(),
+        }
+    }
+
     /// Why the processor computes instead, if `auto` found this device and it does not do what is asked.
     pub fn instead(self, error: &Error) -> Option<String> {
         Devices::from(self).instead(error)
     }
 
-    /// Does work here: as `on_gpu` or `on_cpu` does it. If `auto` found a GPU that does not do the work, the processor does it, and
-    /// `watch` gets a note.
+    /// Runs `on_gpu` if this device is a GPU, else `on_cpu`. If `auto` found a GPU that does not do the work, `watch` gets a note and
+    /// `on_cpu` runs.
     ///
     /// # Errors
     /// A GPU that is not there, and those of `on_gpu` and `on_cpu`.

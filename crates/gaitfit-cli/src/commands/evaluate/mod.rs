@@ -61,10 +61,10 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         drift_speeds,
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
-        device: args.device.for_trajectories(args.trajectories.get()),
+        device: args.device,
         diagnose: true,
     };
-    output::note(&settings.device.line());
+    output::note(&settings.device.line_by_robots());
     interrupt::listen()?;
     let evaluated = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
     let Evaluated { measured, verdict, world, ground, diagnosis, wall_seconds } = evaluated;
