@@ -100,7 +100,15 @@ fn threads_change_no_bit() {
     // More than one tile of 256.
     let once = run_trials(&subject, 261, 0.1, 1).unwrap();
     assert!(once == run_trials(&subject, 261, 0.1, 3).unwrap());
-    assert!(drift(&subject, 2, None, 1).unwrap() == drift(&subject, 2, None, 3).unwrap());
+    let drifted = drift(&subject, 2, None, 1).unwrap();
+    assert!(drifted == drift(&subject, 2, None, 3).unwrap());
+    // Nor do robots beside the first two, in two lots.
+    let lots = drift(&subject, 258, Some([0.1; 3]), 2).unwrap();
+    let few = drift(&subject, 2, Some([0.1; 3]), 2).unwrap();
+    assert!(lots.len() == 7 && lots.iter().zip(&few).all(|(lots, few)| lots.path == few.path));
+    // All robots count.
+    let whole = |share: f64| ((share * 258.0).round() / 258.0 - share).abs() < 1e-12;
+    assert!(lots.iter().all(|trial| trial.fall_rate.is_some_and(|rate| whole(rate.mean))));
     // Nor do the trajectories beside it; noise and seed do.
     assert!(once[..20] == run_trials(&subject, 20, 0.1, 1).unwrap());
     let other = Subject { candidate: None, ..subject };
