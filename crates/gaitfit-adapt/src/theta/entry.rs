@@ -1,6 +1,6 @@
 //! One number that a fit changes.
 
-use super::file::MAX_VALUE;
+use super::saved::MAX_VALUE;
 use super::{NetworkName, ThetaError};
 use serde::Serialize;
 

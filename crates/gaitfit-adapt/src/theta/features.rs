@@ -5,7 +5,7 @@
 //! it at once. Fixed hidden layers with a searched last one are random features (Rahimi and Recht 2008) that are not
 //! random.
 
-use super::networks::{LAYERS, OUTPUT_WEIGHTS};
+use super::network_kind::{LAYERS, OUTPUT_WEIGHTS};
 use gaitfit_physics::NETWORK_WEIGHTS;
 
 /// The meanings of the last layer's weights, in order: torques (or corrections of the target), which resist if the weight is

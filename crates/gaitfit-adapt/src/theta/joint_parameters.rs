@@ -1,11 +1,12 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
-use super::file::MAX_VALUE;
+use super::read_context::ReadContext;
 use super::rules::every_joint;
+use super::saved::MAX_VALUE;
 use super::sharing::Share;
 use super::{
-    Defaults, Entry, JointParameter, LinearSpring, Modification, ReadContext, SavedParameter, Sharing,
-    ThetaError, ThetaFileError,
+    Defaults, Entry, JointParameter, LinearSpring, Modification, SavedParameter, Sharing, ThetaError,
+    ThetaFileError,
 };
 use gaitfit_model::patterns::covered;
 use gaitfit_model::{Joint, JointKind, Model};

@@ -1,59 +1,26 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
-use super::file::MAX_VALUE;
+use super::network_kind::{LAYERS, OUTPUT_WEIGHTS};
+use super::read_context::ReadContext;
 use super::rules::every_joint;
+use super::saved::MAX_VALUE;
 use super::{
-    Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
+    Entry, Found, LinearSpring, Modification, NetworkName, SavedNetwork, Sharing, ThetaError, ThetaFile,
     ThetaFileError,
 };
 use gaitfit_model::JointKind;
 use gaitfit_model::patterns::plain;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
+use gaitfit_sim::{Candidate, JointNetworks};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
-/// Layers as (inputs, outputs); weights lie layer by layer, `inputs × outputs` row-major, then biases.
-pub(super) const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
-/// Weights of the last layer: 4 and a bias.
-pub(super) const OUTPUT_WEIGHTS: usize = 5;
 /// The range of scales. Beyond it a scale is no unit, and single precision may overflow.
 const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
 /// Standard deviation of random hidden biases. Without any, hidden units would be odd functions.
 const BIAS_DEVIATION: f64 = 0.25;
-
-/// The quantity that the networks of a rule correct.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum NetworkName {
-    /// Position targets, rad, at the policy's rate.
-    ActionDelta,
-    /// Torques, N·m, at every physics step.
-    ResidAct,
-}
-
-impl NetworkName {
-    /// Every one.
-    pub const ALL: [Self; 2] = [Self::ActionDelta, Self::ResidAct];
-
-    /// Name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::ActionDelta => "action_delta",
-            Self::ResidAct => "resid_act",
-        }
-    }
-
-    /// The simulator's word for it.
-    pub fn kind(self) -> NetworkKind {
-        match self {
-            Self::ActionDelta => NetworkKind::ActionDelta,
-            Self::ResidAct => NetworkKind::ResidAct,
-        }
-    }
-}
 
 /// Where the search for weights begins.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

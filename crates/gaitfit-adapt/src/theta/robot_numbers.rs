@@ -1,8 +1,9 @@
 //! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor,
 //! errors of sensors.
 
-use super::file::MAX_VALUE;
-use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
+use super::read_context::ReadContext;
+use super::saved::MAX_VALUE;
+use super::{Defaults, Entry, Modification, SavedParameter, ThetaError, ThetaFileError};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 
