@@ -19,7 +19,8 @@ mod unix {
 
     /// Waits for the end of the process that holds the other side of its standard input, then ends the group or process
     /// that it was given, politely at first. A second line says that it has ended.
-    /// It waits five seconds before it kills, as long as this program does.
+    /// It waits five seconds before it kills, as long as this program does. If this process is killed in the moment between the
+    /// program's start and the line with its number, nobody ends the program.
     const GUARD: &str = "trap '' HUP INT QUIT TERM
 read -r group || exit 0
 read -r ended && exit 0
