@@ -16,7 +16,7 @@ const MIN_TARGETS: f64 = 8.0;
 pub enum Turns {
     /// All together.
     All,
-    /// The joints of one limb, then those of the next.
+    /// One limb after another; the joints of a limb move together.
     Limbs,
     /// One after another.
     Joints,

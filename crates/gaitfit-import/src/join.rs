@@ -26,7 +26,7 @@ pub(crate) struct Joined {
 /// The table with the positions, whose samples the log has.
 fn table_of_positions(tables: &[Table]) -> Result<usize, ImportError> {
     let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
-    // Of tables with as many positions, the first.
+    // If several tables have the max number of positions, the first one counts.
     let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
     base.filter(|i| positions(&tables[*i]) > 0).ok_or_else(|| {
         let names: Vec<String> =

@@ -20,7 +20,7 @@ const FORESEEN_BF16: [usize; 2] = [64, 32];
 const TILE_COST: usize = 32;
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
-/// Max number of actions: in places each has a thread of a block of 256, beside those of the losses.
+/// Max number of actions. Some kernels use one thread for each action and each loss, and a block has 256 threads.
 pub(super) const MAX_ACTIONS: usize = 256 - LOSSES;
 
 /// The text for one learner and what the launches must know of it.

@@ -75,16 +75,13 @@ pub fn drift(
     speeds: Option<[f64; 3]>,
     cancel: &dyn Fn() -> bool,
 ) -> Result<Option<Vec<DriftTrial>>, RolloutError> {
-    let Some(longest) = DriftRecorder::all(subject.task, 0, speeds).into_iter().next() else {
-        return Ok(Some(Vec::new()));
-    };
-    let (last, command_period) = (longest.last(), longest.command_period());
+    // All commands have the same times.
+    let Some(timed) = DriftRecorder::all(subject.task, 0, speeds).pop() else { return Ok(Some(Vec::new())) };
+    let (last, command_period) = (timed.last(), timed.command_period());
     let extent = Extent { count: robots, last, command_period };
     let mut play = Play::new(device, subject, Mode::Trials, extent)?;
     let (environments, steps) = (play.environments, play.steps);
-    let lots = robots.div_ceil(environments);
-    // A lot's recorders of all commands, then those of the next lot.
-    let mut recorders: Vec<DriftRecorder> = Vec::new();
+    let mut recorders = Vec::new();
     for first in (0..robots).step_by(environments) {
         let mut environment = drift_environment(subject, first as u32, environments)?;
         let count = environments.min(robots - first);
@@ -109,10 +106,7 @@ pub fn drift(
             recorders.push(recorder);
         }
     }
-    let commands = recorders.len() / lots.max(1);
-    let by_command =
-        (0..recorders.len()).map(|k| recorders[k % lots * commands + k / lots].clone()).collect();
-    Ok(Some(DriftRecorder::joined(by_command, lots)))
+    Ok(Some(DriftRecorder::joined(recorders)))
 }
 
 /// As [`gaitfit_learn::evaluate::crossings`], on a GPU, as [`run_trials`] does trajectories.

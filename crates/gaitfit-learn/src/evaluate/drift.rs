@@ -54,16 +54,14 @@ pub fn drift(
     speeds: Option<[f64; 3]>,
     threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
-    let lots = robots.div_ceil(TILE);
-    // The lots of the first command, then those of the second, and so on.
     let one = |job: u32, _| {
-        let (command, first) = (job as usize / lots, job as usize % lots * TILE);
+        let (first, command) = (job as usize / TRIALS * TILE, job as usize % TRIALS);
         let recorder =
             DriftRecorder::all(subject.task, TILE.min(robots - first), speeds).swap_remove(command);
         Ok(vec![record(subject, first as u32, recorder)?])
     };
-    let recorders = in_tiles(TRIALS * lots, 1, threads, one)?;
-    Ok(DriftRecorder::joined(recorders, lots))
+    let recorders = in_tiles(TRIALS * robots.div_ceil(TILE), 1, threads, one)?;
+    Ok(DriftRecorder::joined(recorders))
 }
 
 /// Moves the robots from number `first` on under the command of `recorder`.
@@ -131,7 +129,7 @@ fn relative(start: [f64; 3], now: [f64; 3]) -> [f64; 3] {
 }
 
 /// One constant command, step by step, from whatever simulates the robots.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct DriftRecorder {
     name: &'static str,
     command: [f64; 3],
@@ -227,20 +225,21 @@ impl DriftRecorder {
         }
     }
 
-    /// Results of all commands, of which `recorders` has `lots` each, one after the other.
-    pub fn joined(recorders: Vec<Self>, lots: usize) -> Vec<DriftTrial> {
-        let mut recorders = recorders.into_iter();
-        let mut results = Vec::with_capacity(TRIALS);
-        while let Some(mut all) = recorders.next() {
-            for lot in recorders.by_ref().take(lots.saturating_sub(1)) {
-                all.fallen.extend(lot.fallen);
-                all.diverged.extend(lot.diverged);
-                all.starts.extend(lot.starts);
-                all.ends.extend(lot.ends);
+    /// Results of all commands. `recorders`: for each lot of robots, one recorder a command, in the order of [`Self::all`].
+    pub fn joined(recorders: Vec<Self>) -> Vec<DriftTrial> {
+        let mut whole: Vec<Self> = Vec::with_capacity(TRIALS);
+        for (number, lot) in recorders.into_iter().enumerate() {
+            if number < TRIALS {
+                whole.push(lot);
+                continue;
             }
-            results.push(all.finish());
+            let command = &mut whole[number % TRIALS];
+            command.fallen.extend(lot.fallen);
+            command.diverged.extend(lot.diverged);
+            command.starts.extend(lot.starts);
+            command.ends.extend(lot.ends);
         }
-        results
+        whole.into_iter().map(Self::finish).collect()
     }
 
     /// Returns the result.

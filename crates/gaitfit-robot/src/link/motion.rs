@@ -16,9 +16,10 @@ use crate::unitree::rpc::{Identity, Request, RequestHeader, Response};
 const REQUEST: (&str, &str) = ("rt/api/motion_switcher/request", "unitree_api::msg::dds_::Request_");
 /// Topic and type of its answers.
 const RESPONSE: (&str, &str) = ("rt/api/motion_switcher/response", "unitree_api::msg::dds_::Response_");
-/// Which mode the service is in: an answer such as `{"form":"0","name":"normal"}`, without a name once it is
-/// released. Both numbers are those of the vendor's SDK.
+/// Number of the request for the service's mode, from the vendor's SDK. The answer is for example
+/// `{"form":"0","name":"normal"}`. After a release the name is empty.
 const CHECK_MODE: i64 = 1001;
+/// Number of the request to release the mode, from the same SDK.
 const RELEASE_MODE: i64 = 1003;
 /// A request is sent again so often: a service that is discovered later hears the next one.
 const AGAIN: Duration = Duration::from_millis(250);

@@ -49,7 +49,7 @@ pub(super) fn angle(a: Vec3, b: Vec3) -> f64 {
 /// The turn from one orientation to another as a vector in the body frame, rad.
 pub(super) fn turn_between(from: Quat, to: Quat) -> Vec3 {
     let mut q = product(inverse(from), to);
-    // Of the two ways round, the shorter one.
+    // q and −q are the same orientation: a positive q[0] gives the shorter turn.
     if q[0] < 0.0 {
         q = q.map(|x| -x);
     }

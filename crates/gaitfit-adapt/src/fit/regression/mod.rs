@@ -171,7 +171,7 @@ fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimat
     let Posteriors { groups, together, .. } = &posteriors;
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
-    // Numbers of robots go on from those of the rounds, so that no two robots have the same random draws.
+    // The rounds have used the numbers below this one. A robot with a used number would have the same random draws.
     let mut simulated = source.each * rounds.len();
     // Robots that fall do not count.
     let mut walk = |robots: &[Vec<f64>]| {

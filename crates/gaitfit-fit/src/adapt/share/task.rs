@@ -56,8 +56,8 @@ impl Task {
 }
 
 impl Values {
-    /// The values of `theta`. Joints of entries that are not among `entries`, those of the fit's own, have springs
-    /// besides.
+    /// The values of `theta`. `entries`: names of the fit's own entries. `theta` may have more entries: they are springs of
+    /// single joints.
     pub fn new(theta: &Theta, entries: &[String]) -> Self {
         if theta.is_empty() {
             return Self::None;

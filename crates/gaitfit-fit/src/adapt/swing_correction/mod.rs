@@ -377,7 +377,7 @@ impl World<'_> {
         let Ok((report, shown)) = shown(self.robot.model, &walked, &self.settings, effects) else {
             return Ok(None);
         };
-        // Without the same groups its numbers would not be those of the real robot one by one.
+        // Numbers are compared with those of the real robot in order, so both need the same joint groups.
         if !groups_of(&report).eq(self.groups.iter().map(String::as_str)) {
             return Ok(None);
         }
