@@ -9,7 +9,8 @@ use gaitfit_learn::ppo::{MemorySettings, Settings};
 use gaitfit_learn::task::{Task, TaskSettings, TerrainSettings};
 use gaitfit_learn::{Training, TrainingSettings};
 use gaitfit_physics::Preset;
-use gaitfit_policy::network::Cell;
+use gaitfit_policy::network::{Activation, Cell, Network, Shape};
+use gaitfit_policy::{Encoder, Front, Latent, Policy};
 
 /// 10,000 trajectories: the same commands, and means that agree within their intervals.
 #[test]
@@ -51,26 +52,42 @@ fn gpu_trajectories_agree_with_the_cpus() {
     }
 }
 
-/// Short trajectories of policies that remember: robot by robot almost the CPU's. The critic of one of them has no memory, which a
-/// GPU does not train.
+/// Short trajectories of policies with other networks than a plain perceptron: robot by robot almost the CPU's.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
-fn gpu_policies_with_a_memory_move_as_the_cpus() {
+fn gpu_policies_of_all_kinds_move_as_the_cpus() {
     let device = Device::open(0).unwrap();
     let task = changed(|settings| *settings = settings.calm());
-    for (cell, layers, critic_remembers) in
-        [(Cell::Gru, 1, true), (Cell::Gru, 1, false), (Cell::Lstm, 2, true)]
-    {
-        let ppo =
-            Settings { memory: Some(MemorySettings { cell, width: 32, layers }), ..Settings::default() };
+    let trained = |memory: Option<(Cell, usize)>| {
+        let memory = memory.map(|(cell, layers)| MemorySettings { cell, width: 32, layers });
+        let ppo = Settings { memory, ..Settings::default() };
         let learner = Training::fresh_learner(&task, &ppo, SEED).unwrap();
         let settings = TrainingSettings { environments: 64, steps: 4, iterations: 1 };
-        let mut policy = Training::new(&task, None, &settings, learner, SEED).unwrap().policy("", "");
-        if !critic_remembers {
-            let other = Training::fresh_learner(&task, &Settings::default(), SEED).unwrap();
-            policy.critic = Some(other.critic().clone());
-            policy.critic_memory = None;
-        }
+        Training::new(&task, None, &settings, learner, SEED).unwrap().policy("", "")
+    };
+    let plain = trained(None);
+    let swish = {
+        let shape = Shape { activation: Activation::Silu, ..plain.actor.shape.clone() };
+        let mut actor = Network::random(shape, SEED, 0, 0.1).unwrap();
+        actor.output = Some(Activation::Tanh);
+        Policy { actor, ..plain.clone() }
+    };
+    let two_part = {
+        let inputs = plain.actor.shape.inputs;
+        let shape = Shape { inputs, hidden: vec![64], outputs: 12, activation: Activation::Elu };
+        let network = Network::random(shape, SEED, 0, 1.0).unwrap();
+        let actor = Shape { inputs: 12 + inputs, ..plain.actor.shape.clone() };
+        let encoder = Encoder { network, passed: (0..inputs).collect(), latent: Latent::Last };
+        let actor = Network::random(actor, SEED, 1, 0.1).unwrap();
+        Policy { front: Some(Front::Encoder(encoder)), actor, ..plain.clone() }
+    };
+    for (label, policy) in [
+        ("gru", trained(Some((Cell::Gru, 1)))),
+        ("lstm", trained(Some((Cell::Lstm, 2)))),
+        ("swish", swish),
+        ("two-part", two_part),
+        ("plain", plain),
+    ] {
         let subject =
             Subject { task: &task, policy: &policy, candidate: None, seed: SEED, cancel: None, moved: None };
         // More than are simulated at once: the last robots begin without what those before them remember.
@@ -84,7 +101,7 @@ fn gpu_policies_with_a_memory_move_as_the_cpus() {
         let mut errors: Vec<f64> = trials.iter().zip(&wanted).map(apart).collect();
         assert!(errors[16_384..].iter().all(|error| *error < 1e-2));
         errors.sort_by(f64::total_cmp);
-        println!("{cell:?}: apart by {} (half), {} (99 %)", errors[count / 2], errors[count * 99 / 100]);
+        println!("{label}: apart by {} (half), {} (99 %)", errors[count / 2], errors[count * 99 / 100]);
         assert!(errors[count / 2] < 1e-4 && errors[count * 9 / 10] < 1e-2);
     }
 }

@@ -17,10 +17,9 @@ use gaitfit_model::Model;
 use gaitfit_physics::trace::Input;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::follow::{Job, Script, Track, follow};
-use gaitfit_policy::network::Activation;
 use gaitfit_policy::observation::Layout;
 use gaitfit_policy::walker::TorqueNoise;
-use gaitfit_policy::{Encoder, FrameOrder, Front, Latent, Policy};
+use gaitfit_policy::{FrameOrder, Policy};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Sensors, Start};
 use host::{bytes, call, execute, floats, keep, take};
 
@@ -29,7 +28,7 @@ fn go2() -> Model {
 }
 
 /// The policy on its robot, as a fit simulates it.
-fn walking(robot_timestep: Option<f64>, change: fn(&mut Policy)) -> (Task, Policy) {
+pub fn walking(robot_timestep: Option<f64>, change: fn(&mut Policy)) -> (Task, Policy) {
     let mut policy = gaitfit_policy_files::read(asset("go2-walk.safetensors").as_ref()).unwrap();
     change(&mut policy);
     let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
@@ -40,7 +39,7 @@ fn walking(robot_timestep: Option<f64>, change: fn(&mut Policy)) -> (Task, Polic
 }
 
 /// Recordings of unlike lengths: what the nominal robot did under changing commands, with its states.
-fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
+pub fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
     let walker = &task.walker;
     let joints = walker.default_pose.len();
     let angles: Vec<f64> = walker.default_pose.iter().map(|&angle| f64::from(angle) + 0.03).collect();
@@ -144,7 +143,7 @@ fn earlier(script: &Script, earlier: usize) -> Script {
 }
 
 /// Holds every kernel of a walk against the CPU: `jobs` of one structure on recordings of these lengths. Gives the falls.
-fn compare(
+pub fn compare(
     label: &str,
     walking: &(Task, Policy),
     jobs: &[Job],
@@ -155,7 +154,7 @@ fn compare(
 }
 
 /// As `compare`. `before`: for robots that make logs, the number of samples that they walk before each recording.
-fn compare_from(
+pub fn compare_from(
     label: &str,
     (task, policy): &(Task, Policy),
     jobs: &[Job],
@@ -338,7 +337,7 @@ fn period_memory(period: &Period) -> Vec<Option<usize>> {
     joints.collect()
 }
 
-fn friction(amount: f64) -> Candidate {
+pub fn friction(amount: f64) -> Candidate {
     let mut candidate = Candidate::nominal(&go2());
     candidate.robot.frictionloss = vec![amount; 12];
     candidate.robot.armature = vec![0.01 + 0.02 * amount; 12];
@@ -476,25 +475,6 @@ fn long_cxx_walks_with_past_frames_are_the_cpus() {
         });
         compare(&format!("{order:?}"), &(task, policy), &jobs, &[14, 9], [4, 4]);
     }
-}
-
-#[test]
-fn policies_that_the_kernels_do_not_know_are_refused() {
-    let (task, policy) = walking(None, |_| ());
-    let refused = |change: fn(&mut Policy)| {
-        let mut changed = policy.clone();
-        change(&mut changed);
-        Tables::walk(&task.walker, &changed, &[]).unwrap_err().to_string()
-    };
-    let leaky = refused(|policy| policy.actor.shape.activation = Activation::LeakyRelu(0.1));
-    assert!(leaky.contains("the activation leaky_relu(0.1)"), "{leaky}");
-    let bounded = refused(|policy| policy.actor.output = Some(Activation::Tanh));
-    assert!(bounded.contains("a function of its output, tanh"), "{bounded}");
-    let two = refused(|policy| {
-        let (network, passed) = (policy.actor.clone(), vec![]);
-        policy.front = Some(Front::Encoder(Encoder { network, passed, latent: Latent::Last }));
-    });
-    assert!(two.contains("a recurrent or two-part policy"), "{two}");
 }
 
 #[test]

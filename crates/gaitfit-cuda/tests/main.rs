@@ -8,6 +8,7 @@ mod device;
 mod evaluation_device;
 mod fit_device;
 mod fit_host;
+mod fit_policies;
 mod fit_predict;
 mod fit_replay;
 mod host;

@@ -318,6 +318,9 @@ impl Candidates {
             return Err(WalkerError::NoStates.into());
         }
         let resets = jobs.iter().any(|job| job.reset_every.is_some());
+        if resets && matches!(subject, Subject::Walk(_, policy) if policy.is_recurrent()) {
+            return Err(WalkerError::NoMemory.into());
+        }
         if resets && matches!(subject, Subject::Walk(walker, _) if walker.sees_past()) {
             let what = "resets to the log (matchs) of a policy that observes a history";
             return Err(FitError::Unsupported(what.to_owned()));

@@ -3,8 +3,9 @@
 
 use super::scene::{Scene, Subject};
 use super::tables::Tables;
-use super::text::{program, widest};
+use super::text::program;
 use crate::emit::Class;
+use crate::networks::{Blocks, Networks};
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
 use crate::walker::{kept, physics_arrays};
@@ -12,8 +13,8 @@ use gaitfit_sim::IMU_NUMBERS;
 
 /// Threads of a block, where each has an environment.
 const THREADS: u32 = 64;
-/// Threads for a group of robots of a block of the policy's kernel.
-const THREADS_OF_GROUP: u32 = 128;
+/// Threads of a block of the kernel of predictions.
+const THREADS_OF_PREDICTIONS: u32 = 256;
 
 /// Sizes of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,10 @@ impl Sizes {
     /// Environments that are asked for.
     pub fn environments(&self) -> usize {
         self.candidates * self.recordings
+    }
+
+    fn blocks(&self) -> Blocks {
+        Blocks { rows: self.rows, group: self.group }
     }
 }
 
@@ -101,14 +106,15 @@ impl Plan {
             Subject::Walk(walker, policy) => {
                 others.push(("last_action", Kind::F32, places * walker.joints.len()));
                 others.push(("past", Kind::F32, places * kept(&walker.observation)));
+                let networks = Networks::new(policy);
+                others.push(("recurrent", Kind::F32, places * networks.remembered));
                 // No replay: these are not looked at.
                 others.push(("gains", Kind::F64, 0));
                 if logs {
                     others.push(("starts", Kind::F32, environments * (13 + 2 * joints)));
                 }
-                // With layers of 128 numbers no thread is idle.
-                let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
-                Step::Walk(threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX))
+                let shared = u32::try_from(networks.shared(sizes.rows)).unwrap_or(u32::MAX);
+                Step::Walk(sizes.blocks().threads(), shared)
             }
             Subject::Predict(_) => {
                 others.push(("trust", Kind::F64, sizes.candidates));
@@ -182,9 +188,9 @@ impl Plan {
 
     /// The launch that records and sends at sample `sample`, before the physics of its control period.
     pub fn step(&self, sample: usize) -> Launch {
-        let Sizes { recordings, samples, rows, .. } = self.sizes;
+        let Sizes { recordings, samples, .. } = self.sizes;
         let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];
-        let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+        let blocks = self.sizes.blocks().count(self.places);
         match self.step {
             Step::Walk(threads, shared) => {
                 let shape = Shape { shared, ..Shape::new(blocks, threads) };
@@ -205,6 +211,7 @@ impl Plan {
                     "robot_memory",
                     "last_action",
                     "past",
+                    "recurrent",
                     "signals",
                     "ends",
                 ];
@@ -230,7 +237,7 @@ impl Plan {
                     "signals",
                     "ends",
                 ];
-                self.launch("predict", Shape::new(blocks, 2 * THREADS_OF_GROUP), &numbers, &arrays)
+                self.launch("predict", Shape::new(blocks, THREADS_OF_PREDICTIONS), &numbers, &arrays)
             }
             Step::Replay => {
                 let shape = Shape::cover(self.places * self.joints, THREADS);

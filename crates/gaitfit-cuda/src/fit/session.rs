@@ -11,14 +11,13 @@ use super::tables::Tables;
 use super::{FitError, Numbers};
 use crate::costs::{self, Comparison};
 use crate::emit::Class;
+use crate::networks::Blocks;
 use crate::physics::{Batch, Period};
 use crate::ppo::{Id, Launch, Storage, Stored};
 use crate::runtime::{Buffer, CudaError, Device, Graph, HostBuffer, Kernel, Stream};
 
 /// Max number of samples whose steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
-/// Max number of robots of a block of the policy's kernel.
-const MAX_ROWS: usize = 16;
 /// Max bytes of shared memory that the text of the policy's kernel declares.
 const DECLARED: usize = 1024;
 /// Share of the free memory that candidates may take.
@@ -100,25 +99,21 @@ impl Session {
         let processors = usize::try_from(device.info().processors).unwrap_or(1).max(1);
         let environments = candidates * recordings;
         let batch = Batch::new(device, &physics.period, environments, candidates)?;
-        // One wave of blocks, if it can be. A prediction's step has little to compute: there neighbouring threads shall read
-        // neighbouring robots.
-        let rows = match subject {
-            Subject::Predict(_) => MAX_ROWS,
-            _ => environments.div_ceil(processors).next_multiple_of(4).clamp(4, MAX_ROWS),
+        let blocks = match subject {
+            // A prediction's step has little to compute: there neighbouring threads shall read neighbouring robots.
+            Subject::Predict(_) => Blocks { rows: Blocks::MAX_ROWS, ..Blocks::new(environments, processors) },
+            _ => Blocks::new(environments, processors),
         };
         let (samples, tiles) = (tables.samples, batch.tiles());
-        // Few robots want many threads; of many, threads that read each weight for several of them.
-        let group = if environments > MAX_ROWS * processors { rows } else { 4 };
-        let sizes =
-            |rows: usize| Sizes { candidates, recordings, samples, tiles, rows, group: group.min(rows) };
+        let sizes = |Blocks { rows, group }| Sizes { candidates, recordings, samples, tiles, rows, group };
         let scene = Scene::new(subject, &physics.period);
-        let plan = Plan::new(&scene, &tables, sizes(rows));
+        let plan = Plan::new(&scene, &tables, sizes(blocks));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
         let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
-        // A block of fewer robots needs less shared memory; 4 is the least that the kernel takes.
-        let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(4)) } else { plan };
+        let smallest = Blocks::SMALLEST;
+        let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(smallest)) } else { plan };
         if too_wide(&plan) {
-            return Err(FitError::TooWide { needed: plan.shared(), rows: 4, available });
+            return Err(FitError::TooWide { needed: plan.shared(), rows: smallest.rows, available });
         }
         let owned = plan.arrays.iter().zip(&plan.physics).filter(|(_, class)| class.is_none());
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();

@@ -7,9 +7,10 @@ use gaitfit_policy::predict::{Course, Feet};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Replay, Start};
 
-use super::text::{copied, leg_joints};
+use super::text::leg_joints;
 use super::{FitError, Subject};
-use crate::words::{unknown, unobserved};
+use crate::networks::{Networks, unknown_policy};
+use crate::words::unobserved;
 
 /// Numbers of the base's orientation (a quaternion) and rates.
 const IMU_SIGNALS: usize = 7;
@@ -39,17 +40,9 @@ impl Tables {
     /// # Errors
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
-        if policy.front.is_some() {
-            return Err(FitError::Unsupported(
-                "a recurrent or two-part policy or a graph of operators".to_owned(),
-            ));
-        }
-        if let Some(what) = unobserved(&walker.observation) {
+        let unknown = unknown_policy(policy).map(str::to_owned).or_else(|| unobserved(&walker.observation));
+        if let Some(what) = unknown {
             return Err(FitError::Unsupported(what));
-        }
-        let actor = &policy.actor;
-        if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {
-            return Err(FitError::Unsupported(format!("a policy whose actor has {what}")));
         }
         let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
         let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();
@@ -93,7 +86,7 @@ impl Tables {
                 ("starts", starts),
                 ("states", states),
                 ("actions", logged),
-                ("network", copied(policy)),
+                ("network", Networks::new(policy).numbers),
             ],
             doubles: Vec::new(),
         })

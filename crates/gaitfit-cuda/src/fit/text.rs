@@ -1,11 +1,11 @@
 //! The kernels' text: numbers and tables of what is simulated, then the files.
 
-use gaitfit_policy::network::{Activation, Layer};
+use gaitfit_policy::Term;
 use gaitfit_policy::predict::{Feet, Foot};
 use gaitfit_policy::walker::Walker;
-use gaitfit_policy::{Policy, Term};
 
 use super::scene::{Scene, Subject};
+use crate::networks::{Blocks, Networks};
 use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
 use crate::words::{Words, double, single};
@@ -21,8 +21,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
             walk(&mut words, walker);
-            network(&mut words, policy, rows);
-            words.define("GROUP", group);
+            Networks::new(policy).write(&mut words, policy, Blocks { rows, group });
             words.define("MAKES_LOGS", u32::from(logs));
             &[
                 include_str!("../rollout/kernels/draws.cu"),
@@ -33,7 +32,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
                 include_str!("../rollout/kernels/targets.cu"),
                 include_str!("../rollout/kernels/falls.cu"),
                 include_str!("kernels/places.cu"),
-                include_str!("kernels/network.cu"),
+                include_str!("../networks/kernels/network.cu"),
                 include_str!("kernels/walk.cu"),
                 include_str!("kernels/disturb.cu"),
             ]
@@ -120,67 +119,4 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.text.push_str("// Four numbers of a term.\nstruct Part {\n    int term, from;\n};\n");
     words.table("Part", "PART", parts);
     words.observed(walker, &[(&walker.observation, &|_| 0.0)]);
-}
-
-/// Largest width of a layer's input or output, a multiple of 4.
-pub(super) fn widest(policy: &Policy) -> usize {
-    policy.actor.shape.widest().max(policy.actor.shape.inputs).next_multiple_of(4)
-}
-
-/// Where a layer's matrix and bias begin in the kernels' copy of a network.
-struct Packed {
-    layer: Layer,
-    weight: usize,
-    bias: usize,
-}
-
-/// A network's layers in the kernels' copy, and the copy's size: weights of four inputs of an output lie together.
-fn packed(policy: &Policy) -> (Vec<Packed>, usize) {
-    let (mut all, mut end) = (Vec::new(), 0);
-    for layer in policy.actor.shape.layers() {
-        let (weight, bias) = (end, end + layer.inputs.next_multiple_of(4) * layer.outputs);
-        end = (bias + layer.outputs).next_multiple_of(4);
-        all.push(Packed { layer, weight, bias });
-    }
-    (all, end)
-}
-
-/// The kernels' copy of a policy's network: layers, then the normaliser's factors and offsets.
-pub(super) fn copied(policy: &Policy) -> Vec<f32> {
-    let (layers, size) = packed(policy);
-    let mut copy = vec![0.0; size];
-    for Packed { layer, weight, bias } in layers {
-        for (number, &value) in policy.actor.parameters[layer.weight.clone()].iter().enumerate() {
-            let (input, output) = (number / layer.outputs, number % layer.outputs);
-            copy[weight + (input / 4 * layer.outputs + output) * 4 + input % 4] = value;
-        }
-        copy[bias..bias + layer.outputs].copy_from_slice(&policy.actor.parameters[layer.bias.clone()]);
-    }
-    if let Some(normaliser) = &policy.normaliser {
-        copy.extend(normaliser.scale().into_iter().flat_map(|(factor, offset)| [factor, offset]));
-    }
-    copy
-}
-
-fn network(words: &mut Words, policy: &Policy, rows: usize) {
-    words.define("ROWS", rows);
-    words.define("WIDEST", widest(policy));
-    words.define(
-        "ACTIVATION",
-        match policy.actor.shape.activation {
-            Activation::Elu => 0,
-            Activation::Relu => 1,
-            // `Tables::walk` refuses other functions.
-            _ => 2,
-        },
-    );
-    words.define("NORMALISED", usize::from(policy.normaliser.is_some()));
-    let (layers, size) = packed(policy);
-    words.define("NORMALISER", size);
-    words.text.push_str("// Inputs by four.\nstruct Layer {\n    int quads, outputs, weight, bias;\n};\n");
-    words.define("LAYERS", layers.len());
-    let row = |Packed { layer, weight, bias }: &Packed| {
-        format!("{{{}, {}, {weight}, {bias}}}", layer.inputs.div_ceil(4), layer.outputs)
-    };
-    words.table("Layer", "LAYER", layers.iter().map(row).collect());
 }

@@ -58,10 +58,7 @@ impl Learner {
             let (name, found) = (info.name.clone(), info.capability);
             return Err(PpoError::TooOld { name, found, min: CAPABILITY });
         }
-        let limits = Limits {
-            processors: usize::try_from(info.processors).unwrap_or(2),
-            shared_memory: usize::try_from(info.shared_memory).unwrap_or(0),
-        };
+        let limits = Limits::of(device);
         let Prepared { program, plan, maps, turn, sizes } = Prepared::new(learner, batch, precision, limits)?;
         let parts: Vec<(&str, u64)> = plan.arrays.iter().map(|array| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;

@@ -6,17 +6,26 @@ use super::error::PpoError;
 use super::launch::Batch;
 use super::plan::{Plan, Task, check_shared, turns};
 use super::text::{MAX_ACTIONS, Room, Text};
-use crate::runtime::Program;
+use crate::runtime::{Device, Program};
 use crate::words::unknown;
 use gaitfit_policy::network::RecurrentShape;
 
-/// Properties of a GPU that the update's plan must know.
+/// Properties of a GPU that plans must know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Multiprocessors.
     pub processors: usize,
     /// Bytes of shared memory that a block may ask for.
     pub shared_memory: usize,
+}
+
+impl Limits {
+    /// Those of a GPU.
+    pub fn of(device: &Device) -> Self {
+        let number = |number: i32| usize::try_from(number).unwrap_or(0);
+        let info = device.info();
+        Self { processors: number(info.processors), shared_memory: number(info.shared_memory) }
+    }
 }
 
 /// The update's text and plan, made without a GPU.

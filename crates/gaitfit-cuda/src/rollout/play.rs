@@ -4,13 +4,13 @@ use gaitfit_learn::Training;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Environment, Snapshot};
-use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 
 use super::run::{Planned, Rollout};
 use super::scene::{Mode, Sizes};
 use super::{RolloutError, check};
-use crate::ppo::{Batch, Learner, PpoError, Precision, Share};
+use crate::networks::{Actor, ActorPlan};
+use crate::ppo::{Batch, Learner, Limits, PpoError, Precision, Share};
 use crate::runtime::{Device, Graph};
 
 /// Environments at once: the kernels of few are hardly faster, and many take memory.
@@ -41,7 +41,9 @@ impl Extent {
 pub(super) struct Play<'a> {
     graph: Graph,
     rollout: Rollout<'a>,
+    /// Holds the samples.
     learner: Learner,
+    actor: Actor,
     subject: Subject<'a>,
     candidates: Vec<Candidate>,
     /// Environments at once.
@@ -74,10 +76,14 @@ impl<'a> Play<'a> {
     ) -> Result<Self, RolloutError> {
         let Subject { task, policy, candidate, seed, .. } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
-        // The learner gets a new critic, of shapes that a GPU knows: nobody asks for its values here.
-        let actor = Policy { critic: None, critic_memory: None, critic_normaliser: None, ..policy.clone() };
-        let host = Training::learner_from(task, &Settings::default(), &actor, seed)
-            .map_err(|error| refused(&format!("this policy ({error})")))?;
+        let (seen, given) = (task.walker.observation.width(), policy.interface.observation_width());
+        if seen != given {
+            return Err(refused(&format!("a policy that observes {given} numbers in a task of {seen}")));
+        }
+        // Rollouts keep their samples in a learner's arrays. Its networks act nowhere.
+        let settings =
+            Settings { actor_hidden: vec![32], critic_hidden: vec![32], memory: None, ..Settings::default() };
+        let host = Training::fresh_learner(task, &settings, seed)?;
         let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
         let unsupported = |error: RolloutError| match error {
             RolloutError::Unsupported(what) | RolloutError::Ppo(PpoError::Unsupported(what)) => {
@@ -93,16 +99,35 @@ impl<'a> Play<'a> {
         let steps = (1..=STEPS.min(last)).rev().find(fits).unwrap_or(1) as usize;
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
-        let remembered = host.critic_memory().map_or(0, |memory| memory.shape().remembered());
-        let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered, mode };
+        let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
         let planned = Planned::new(device, task, &candidates, sizes)?;
-        let _ahead = device.compile_ahead(planned.programs());
+        let of_actor = ActorPlan::new(policy, environments, steps, Limits::of(device));
+        let of_actor = of_actor.map_err(|error| refused(&error))?;
+        let programs = planned.programs().into_iter().chain([of_actor.program.clone()]);
+        let _ahead = device.compile_ahead(programs);
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
         learner.quiet()?;
         let (stream, planned) = (learner.stream(), (planned, sizes));
         let rollout = Rollout::from_plan(device, stream, task, &candidates, planned, (seed, 0))?;
-        let graph = learner.stream().record(|stream| rollout.start(stream, &learner))?;
-        Ok(Self { graph, rollout, learner, subject: *subject, candidates, environments, steps, first: 0 })
+        let actor = Actor::new(device, learner.stream(), of_actor)?;
+        let graph = learner.stream().record(|stream| {
+            rollout.start_with(stream, &learner, &|step| {
+                let [observation, mean] = ["observation", "mean"].map(|name| learner.argument(name));
+                let arrays = observation.zip(mean);
+                arrays.map_or(Ok(()), |(observation, mean)| actor.decide(stream, step, observation, mean))
+            })
+        })?;
+        Ok(Self {
+            graph,
+            rollout,
+            learner,
+            actor,
+            subject: *subject,
+            candidates,
+            environments,
+            steps,
+            first: 0,
+        })
     }
 
     /// Takes up `environment`, whose first environment is number `first`.
@@ -118,8 +143,7 @@ impl<'a> Play<'a> {
         let snapshots: Vec<Snapshot> =
             (0..environment.count()).map(|index| environment.snapshot(index)).collect();
         self.rollout.load(self.learner.stream(), &snapshots)?;
-        let memories = self.learner.memories()?;
-        Ok(self.learner.set_memories(&memories.map(|memory| vec![0.0; memory.len()]))?)
+        Ok(self.actor.forget(self.learner.stream())?)
     }
 
     /// Gives all robots this command.

@@ -308,13 +308,26 @@ impl<'a> Rollout<'a> {
     /// [`CudaError::Launch`].
     pub fn start(&self, stream: &Stream, learner: &Learner) -> Result<(), CudaError> {
         let environments = self.sizes.environments;
+        self.start_with(stream, learner, &|step| learner.foresee(stream, step * environments, environments))
+    }
+
+    /// As [`Rollout::start`]. `act` starts the work that fills the learner's mean actions of a step from its observations.
+    ///
+    /// # Errors
+    /// [`CudaError::Launch`].
+    pub fn start_with(
+        &self,
+        stream: &Stream,
+        learner: &Learner,
+        act: &dyn Fn(usize) -> Result<(), CudaError>,
+    ) -> Result<(), CudaError> {
         self.launch(stream, learner, &self.plan.begin())?;
         for step in 0..self.sizes.steps {
             if let Some(record) = self.plan.record(step) {
                 self.launch(stream, learner, &record)?;
             }
             self.launch(stream, learner, &self.plan.observe(step))?;
-            learner.foresee(stream, step * environments, environments)?;
+            act(step)?;
             self.launch(stream, learner, &self.plan.act(step))?;
             if let Some(disturb) = self.plan.disturb(step, self.batch.tiles()) {
                 self.launch(stream, learner, &disturb)?;

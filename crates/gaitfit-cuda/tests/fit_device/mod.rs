@@ -11,8 +11,9 @@ use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
-use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::network::{Cell, Network, Recurrent, RecurrentShape, Shape};
+use gaitfit_policy::{Front, Policy};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 
 fn asset(name: &str) -> String {
@@ -178,6 +179,45 @@ fn gpu_candidates_walk_as_the_cpus() {
         );
         assert!(fell > 0 && most < 1e-2 && largest < 0.5 && worst[1] < 1e-2, "{worst:?}");
         println!("{:?}", candidates.resources().unwrap());
+    }
+}
+
+/// A policy with a memory on candidates: the first samples are the CPU's.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_candidates_remember_as_the_cpus() {
+    let device = Device::open(0).unwrap();
+    let (task, policy) = walking(4);
+    for (cell, hidden) in [(Cell::Lstm, vec![256]), (Cell::Gru, vec![64, 128])] {
+        let shape = RecurrentShape { cell, inputs: policy.actor.shape.inputs, hidden };
+        let actor = Shape { inputs: shape.outputs(), ..policy.actor.shape.clone() };
+        let policy = Policy {
+            front: Some(Front::Recurrent(Recurrent::random(&shape, 5, 0))),
+            actor: Network::random(actor, 5, 1, 1.0).unwrap(),
+            ..policy.clone()
+        };
+        let scripts = scripts(&task, &policy, 9, 30);
+        let subject = Subject::Walk(&task.walker, &policy);
+        let jobs: Vec<Job> = (0..40)
+            .map(|number| Job { candidate: robot(number % 5, &[]), reset_every: None, seed: number as u64 })
+            .collect();
+        let wanted = tracks(&task, &policy, &scripts, &jobs);
+        let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
+        let mut candidates = Candidates::new(&device, tables, 4).unwrap();
+        let signals = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
+        let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+            signals.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
+        };
+        let start = Instant::now();
+        candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
+        println!("{}: {:.2} s", cell.name(), start.elapsed().as_secs_f64());
+        let dimensions = subject.dimensions();
+        for (values, want) in signals.into_inner().unwrap().iter().zip(&wanted) {
+            for (row, want) in values.chunks_exact(dimensions).zip(&rows(want, 12)).take(6) {
+                let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+                assert!(error < 1e-2, "{}: off by {error}", cell.name());
+            }
+        }
     }
 }
 

@@ -31,16 +31,16 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 // `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
 // candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
 // `imus`: for each candidate, errors of its inertial unit. `ends`: for each environment, the sample of its fall or the end.
-// For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
+// `recurrent`: what the policy remembers of each environment. For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
 // that the robot walks under the first command before the recording begins.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,
     const float* network, const float* params, const float* report, float* state, float* targets, float* memory,
-    float* last_action, float* past, float* signals, u32* ends
+    float* last_action, float* past, float* recurrent, float* signals, u32* ends
 ) {
     POOL(pool);
-    float *first = pool, *second = pool + WIDEST * ROWS;
+    float *first = pool, *second = first + WIDEST * ROWS, *kept = second + WIDEST * ROWS;
     __shared__ u32 recording[ROWS], before[ROWS], length[ROWS];
     __shared__ bool placed[ROWS];
     __shared__ const float *logged[ROWS], *imu[ROWS];
@@ -64,6 +64,7 @@ KERNEL walk(
             place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
         for (int r = 0; r < rows; r++) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
+        for (int i = thread; i < rows * REMEMBERS; i += threads) recurrent[(u64)from * REMEMBERS + i] = 0.0f;
         if (thread < rows && from + thread < count) ends[from + thread] = length[thread] - before[thread];
         __syncthreads();
     }
@@ -128,17 +129,10 @@ KERNEL walk(
     for (int i = thread; HAS_PAST && i < rows * OBSERVATION; i += threads) past[(u64)from * OBSERVATION + i] = second[i];
     for (int i = thread; i < ROWS * ((OBSERVATION + 3) / 4 * 4); i += threads) {
         int k = i / ROWS, r = i % ROWS;
-        float x = 0.0f;
-        if (r < rows && k < OBSERVATION) {
-            x = second[r * OBSERVATION + k];
-#if NORMALISED
-            x = x * network[NORMALISER + 2 * k] + network[NORMALISER + 2 * k + 1];
-#endif
-        }
-        first[i] = x;
+        first[i] = r < rows && k < OBSERVATION ? normalised(network, k, second[r * OBSERVATION + k]) : 0.0f;
     }
     __syncthreads();
-    const float* chosen = forward(network, first, second);
+    const float* chosen = choose(network, recurrent + (u64)from * REMEMBERS, rows, first, second, kept);
     for (int i = thread; i < ROWS * ACTIONS; i += threads) {
         int r = i % ROWS, k = i / ROWS;
         if (r >= rows) continue;

@@ -1,0 +1,150 @@
+//! Networks of policies in the kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow`.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use gaitfit_cuda::fit::Tables;
+use gaitfit_cuda::networks::ActorPlan;
+use gaitfit_cuda::ppo::Limits;
+use gaitfit_policy::follow::{Job, Track, follow};
+use gaitfit_policy::network::{
+    Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentShape, Scratch, Shape,
+};
+use gaitfit_policy::{Encoder, Front, Latent, Policy};
+
+use crate::candidates::apart;
+use crate::fit_host::{compare, compare_from, friction, scripts, walking};
+use crate::host::{bytes, call, execute, floats, keep};
+
+/// The policy with recurrent layers and a new actor behind them.
+fn remembering(policy: &Policy, cell: Cell, hidden: Vec<usize>) -> Policy {
+    let shape = RecurrentShape { cell, inputs: policy.actor.shape.inputs, hidden };
+    let front = Some(Front::Recurrent(Recurrent::random(&shape, 5, 0)));
+    let actor = Shape { inputs: shape.outputs(), ..policy.actor.shape.clone() };
+    Policy { front, actor: Network::random(actor, 5, 1, 1.0).unwrap(), ..policy.clone() }
+}
+
+/// The policy with an encoder, whose actor sees a third of the observation beside the latent.
+fn two_part(policy: &Policy, latent: Latent, activation: Activation) -> Policy {
+    let inputs = policy.actor.shape.inputs;
+    let passed: Vec<usize> = (0..inputs).rev().step_by(3).collect();
+    let shape = Shape { inputs, hidden: vec![30, 18], outputs: 7, activation };
+    let network = Network::random(shape, 7, 0, 1.0).unwrap();
+    let actor = Shape { inputs: passed.len() + 7, ..policy.actor.shape.clone() };
+    let front = Some(Front::Encoder(Encoder { network, passed, latent }));
+    Policy { front, actor: Network::random(actor, 7, 1, 1.0).unwrap(), ..policy.clone() }
+}
+
+/// Policies with a memory: what they remember stays with each robot, and a log's earlier samples count.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_of_policies_with_a_memory_are_the_cpus() {
+    for (cell, hidden) in [(Cell::Lstm, vec![22]), (Cell::Gru, vec![9, 31])] {
+        let (task, policy) = walking(None, |_| ());
+        let policy = remembering(&policy, cell, hidden);
+        let job = |amount, seed| Job { candidate: friction(amount), reset_every: None, seed };
+        let walking = (task, policy);
+        compare(cell.name(), &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19, 24], [8, 4]);
+        compare_from(cell.name(), &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
+        // Nobody knows what the policy remembered where the log would put the robot.
+        let scripts = scripts(&walking.0, &walking.1, &[9]);
+        let jobs = [Job { reset_every: Some(3), ..job(0.1, 1) }];
+        let consume = |_: usize, _: usize, _: &Track| ();
+        let error =
+            follow(&walking.0.walker, &walking.1, &scripts, &jobs, 1, &consume, &|| false).unwrap_err();
+        assert!(error.to_string().contains("the policy is recurrent"), "{error}");
+    }
+}
+
+/// Two-part policies with the latent behind or before what the actor sees of the observation.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_of_two_part_policies_are_the_cpus() {
+    for (latent, activation) in
+        [(Latent::Last, Activation::Silu), (Latent::First, Activation::LeakyRelu(0.1))]
+    {
+        let (task, policy) = walking(None, |_| ());
+        let policy = two_part(&policy, latent, activation);
+        let jobs =
+            [0.1, 0.3].map(|amount| Job { candidate: friction(amount), reset_every: Some(5), seed: 2 });
+        compare(&format!("{latent:?}"), &(task, policy), &jobs, &[14, 9], [8, 4]);
+    }
+}
+
+/// All functions of layers, a layer norm, and a function of the output.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_with_any_activation_are_the_cpus() {
+    let all = [
+        Activation::Relu,
+        Activation::Tanh,
+        Activation::EluOf(0.7),
+        Activation::LeakyRelu(0.2),
+        Activation::Selu,
+        Activation::Silu,
+        Activation::Gelu,
+        Activation::GeluTanh,
+    ];
+    for (number, activation) in all.into_iter().enumerate() {
+        let (task, mut policy) = walking(None, |_| ());
+        let shape = Shape { hidden: vec![40, 24], activation, ..policy.actor.shape.clone() };
+        policy.actor = Network::random(shape, number as u64, 0, 1.0).unwrap();
+        if number % 2 == 1 {
+            let numbers = |scale: f32| (0..40).map(|k| 0.8 + scale * (k as f32).sin()).collect();
+            let norm = LayerNorm { weight: numbers(0.3), bias: numbers(-0.5), epsilon: LayerNorm::EPSILON };
+            policy.actor.norms = vec![Some(norm)];
+            policy.actor.output = Some(activation);
+        }
+        let job = Job { candidate: friction(0.2), reset_every: Some(4), seed: 2 };
+        compare(activation.name(), &(task, policy), &[job], &[9, 7], [4, 4]);
+    }
+}
+
+/// Evaluations run a policy for all robots of a step at once: a plain one, a two-part policy with a normaliser, and one with a memory.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_actions_of_an_evaluation_are_the_cpus() {
+    const ROBOTS: usize = 37;
+    const STEPS: usize = 3;
+    let (_, plain) = walking(None, |_| ());
+    let width = plain.actor.shape.inputs;
+    let mut normaliser = Normaliser::new(width);
+    normaliser.mean.iter_mut().enumerate().for_each(|(k, mean)| *mean = 0.02 * k as f64 - 0.3);
+    normaliser.variance.iter_mut().enumerate().for_each(|(k, variance)| *variance = 0.5 + 0.1 * k as f64);
+    let normaliser = Some(normaliser);
+    let two_part = Policy { normaliser, ..two_part(&plain, Latent::First, Activation::Silu) };
+    let memory = remembering(&plain, Cell::Lstm, vec![17, 10]);
+    for (label, policy) in [("plain", &plain), ("two-part", &two_part), ("memory", &memory)] {
+        let limits = Limits { processors: 2, shared_memory: 200_000 };
+        let plan = ActorPlan::new(policy, ROBOTS, STEPS, limits).unwrap();
+        let noise = gaitfit_random::Stream::new(5, gaitfit_random::Purpose::BOOTSTRAP);
+        let seen: Vec<f32> = (0..STEPS * ROBOTS * width).map(|k| noise.normal(k as u32) as f32).collect();
+        let zeros = vec![0.0; plan.arrays[2].length];
+        let files = [("network", &plan.numbers), ("observation", &seen), ("recurrent", &zeros)]
+            .map(|(name, numbers)| (name.to_owned(), bytes(numbers, f32::to_ne_bytes)));
+        let mut statements: String = (0..STEPS).map(|step| call(&plan.decide(step))).collect();
+        statements.push_str(&keep(&plan.arrays, "mean", "out"));
+        let folder = execute(&plan.program.text, &plan.arrays, &files.into(), &[], &statements);
+        let got = floats(&std::fs::read(folder.path().join("mean.out")).unwrap());
+        let (mut memory, mut scratch) = (policy.memory(ROBOTS), Scratch::default());
+        let mut wanted = Vec::new();
+        for seen in seen.chunks_exact(ROBOTS * width) {
+            let mut actions = vec![0.0; ROBOTS * 12];
+            policy.act_with(ROBOTS, seen, &mut memory, &mut actions, &mut scratch);
+            wanted.extend(actions);
+        }
+        let error = apart(&got, &wanted);
+        println!("{label}: {error:e}");
+        assert!(error < 5e-6, "{label}: {error:e}");
+    }
+    let narrow = Limits { processors: 2, shared_memory: 2_000 };
+    let error = ActorPlan::new(&plain, ROBOTS, STEPS, narrow).unwrap_err().to_string();
+    assert!(error.contains("bytes of a multiprocessor's memory"), "{error}");
+}
+
+#[test]
+fn policies_that_the_kernels_do_not_know_are_refused() {
+    let (task, policy) = walking(None, |_| ());
+    let act = std::sync::Arc::new(|_: usize, _: &[f32], _: &mut [f32]| true);
+    let policy = Policy::of_function(policy.interface, act).unwrap();
+    let error = Tables::walk(&task.walker, &policy, &[]).unwrap_err().to_string();
+    assert!(error.contains("a policy that is a function"), "{error}");
+}
