@@ -73,6 +73,8 @@ pub(crate) fn bodies(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>)
 pub(crate) fn subspaces(tree: &Tree<f64>, bodies: &[Body]) -> Vec<(usize, V6<f64>)> {
     let mut all = Vec::with_capacity(tree.nv());
     if tree.floating {
+        // Translation along the world's axes, then turns about the base's own: its axes are the columns of
+        // its rotation.
         let r = bodies[0].motion.rotation;
         for k in 0..3 {
             let mut e = zero3();
@@ -112,6 +114,7 @@ fn at_zero_acceleration(state: &State<f64>) -> State<f64> {
 pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
     let bodies = bodies(tree, params, state);
     let mut composite: Vec<Rigid<f64>> = bodies.iter().map(|body| body.rigid).collect();
+    // Children come after their parents, so this order completes each composite before its parent takes it.
     for i in (1..composite.len()).rev() {
         let parent = tree.links[i].parent;
         composite[parent] = composite[parent].add(&composite[i]);
@@ -122,6 +125,7 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
     for (b, (link_b, axis_b)) in axes.iter().enumerate() {
         let force = composite[*link_b].mul(*axis_b);
         for (a, (link_a, axis_a)) in axes.iter().enumerate().take(b + 1) {
+            // Joints of different branches have no inertia in common.
             if carries(tree, *link_a, *link_b) {
                 m[a * n + b] = dot6(*axis_a, force);
                 m[b * n + a] = m[a * n + b];
@@ -144,6 +148,7 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
 pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
     let bodies = bodies(tree, params, state);
     let mut wrenches: Vec<V6<f64>> = bodies.iter().map(|body| body.wrench).collect();
+    // From the outermost links inward, as for the mass matrix.
     for i in (1..wrenches.len()).rev() {
         let parent = tree.links[i].parent;
         wrenches[parent] = add6(wrenches[parent], wrenches[i]);
@@ -183,11 +188,13 @@ pub fn constraint_rows(
         }
         rows.push(Row { kind: RowKind::Coupling(index), jacobian, aref: -each.bias, d: each.d });
     }
+    // MuJoCo makes no row where there is no dry friction.
     let rubbing = tree.free.iter().filter(|free| free.frictionloss > 0.0);
     for each in rubbing.flat_map(|_| &work.free) {
         for dof in 0..6 {
             let mut jacobian = vec![0.0; n];
             jacobian[dof] = 1.0;
+            // MuJoCo has translation first, the step's vectors rotation.
             let (part, axis) = (1 - dof / 3, dof % 3);
             let d = each.friction_d[part];
             rows.push(Row {
@@ -218,6 +225,7 @@ pub fn constraint_rows(
             });
         }
     }
+    // The tree has pairs by link, MuJoCo in the order of the model.
     let mut order: Vec<usize> = (0..tree.pairs.len()).collect();
     order.sort_by_key(|&index| tree.pairs[index].model_pair);
     for index in order {
@@ -305,6 +313,8 @@ impl Contact<'_> {
         }
         for k in 0..condim {
             if tree.elliptic {
+                // MuJoCo keeps R_k · μ_k² the same for all friction rows, and impratio times smaller than the
+                // normal's.
                 let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
                 rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: d * scale });
             } else if k > 0 {

@@ -59,6 +59,7 @@ impl Forward {
         let drives = self.drives(&state, ctrl)?;
         let mass = mass_matrix(&self.tree, &self.params, &state);
         let qfrc_bias = bias(&self.tree, &self.params, &state);
+        // A copy: the step below must start from the same cold state.
         let mut solved = state.clone();
         accelerate(&self.tree, &self.params, &drives, &mut solved, &mut self.work);
         let qacc = acceleration(&self.tree, &solved);

@@ -50,6 +50,8 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     let implicit = if settings.damping == Damping::Explicit { T::zero() } else { h * damping };
     let folded = if settings.damping == Damping::Folded { implicit } else { T::zero() };
     let armature = T::k(free.armature) + folded;
+    // Alike on all axes, armature adds to mass and to inertia about the base's origin, which is the reference
+    // point.
     let node = &mut work.nodes[0];
     node.rigid.m = node.rigid.m + armature;
     for k in 0..3 {
@@ -57,6 +59,7 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     }
     // The root's velocity is that without the boost.
     let velocity: V6<T> = [node.motion.velocity[0], state.base_linear];
+    // The wrench is the residual at the present acceleration, so it holds the armature's part too.
     node.wrench = axpy6(armature, state.base_acceleration, axpy6(damping, velocity, node.wrench));
     let scratch = &mut work.free[0];
     scratch.implicit = implicit;
@@ -91,6 +94,7 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
     node.residual = add6(node.residual, [rotate(&rotation, scratch.row[0]), scratch.row[1]]);
     if hessian {
         let [x, y, w] = weight[0];
+        // Rows of rotation are about the base's own axes, the inertia is in world axes.
         let turned = sym_rotate(&rotation, &[x, y, w, z, z, z]);
         for k in 0..6 {
             node.inertia.aa[k] = node.inertia.aa[k] + turned[k];

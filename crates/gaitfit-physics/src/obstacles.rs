@@ -128,6 +128,7 @@ fn check(field: &HeightField, name: &str) -> Result<(), PhysicsError> {
         Err(PhysicsError::Value { object, quantity, value, must })
     };
     let (rows, columns) = (field.rows, field.columns);
+    // The nearest point is sought in the four cells about an inner vertex, so there must be one.
     if rows < 3 || columns < 3 {
         return wrong("the number of rows or columns", rows.min(columns) as f64, "at least 3");
     }

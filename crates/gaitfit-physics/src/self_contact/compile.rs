@@ -59,6 +59,7 @@ pub(crate) fn compile<T: Real>(
             }
         }
         let shapes = [0, 1].map(|side| {
+            // The loop above has given both links a place.
             let pose = links[ends[side].link].touching.unwrap_or(0);
             shape::<T>(&pair.geoms[side], &ends[side], pose)
         });
@@ -116,6 +117,7 @@ fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> SelfContactShape<T::
     let (form, radius) = match geom.shape {
         Shape::Sphere { radius } => (Form::Ball, radius),
         Shape::Capsule { radius, half_length } => (Form::Rod(k3(scale(half_length, column(2)))), radius),
+        // `compile_pair` refuses cylinders, so this form is never used.
         Shape::Cylinder { radius, .. } => (Form::Ball, radius),
         Shape::Box { half_size } => {
             (Form::Block([k3(column(0)), k3(column(1)), k3(column(2))], k3(half_size)), 0.0)
