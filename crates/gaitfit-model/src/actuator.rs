@@ -73,6 +73,7 @@ impl ActuatorForm {
         }
         a.ignore(&["group", "user", "lengthrange", "nsample", "interp"]);
         match kind {
+            // A motor's force is its control, whatever gains and biases its class gives to servos.
             "motor" => {
                 self.gain = 1.0;
                 self.bias_type = 0;
@@ -101,6 +102,7 @@ impl ActuatorForm {
         let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
         a.set_nonnegative(ctx, "kv", &mut kv)?;
         a.set_nonnegative(ctx, "dampratio", &mut ratio)?;
+        // A position servo's force is kp · (control − position), less kv times the velocity.
         (self.gain, self.bias_type) = (kp, 1);
         self.bias[1] = -kp;
         // As in MuJoCo a positive entry is a damping ratio, resolved when all masses are known.
@@ -198,6 +200,7 @@ impl ActuatorForm {
                     "give the joint a range, or the actuator a `ctrlrange`",
                 ));
             };
+            // MuJoCo widens the joint's range about its middle by this factor.
             let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * self.inherit_range);
             ctrlrange = [mean - radius, mean + radius];
         }

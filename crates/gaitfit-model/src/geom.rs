@@ -92,6 +92,7 @@ impl GeomForm {
             self.mesh_name = Some(name.to_string());
         }
         if let Some(name) = a.text("hfield") {
+            // As with a mesh, the size is the asset's.
             self.mesh = true;
             self.field = Some(name.to_string());
         }
@@ -172,6 +173,7 @@ impl GeomForm {
             "box" | "ellipsoid" => 3,
             _ => 0,
         };
+        // A shape that is fitted to a mesh gets its size from it.
         if !self.mesh && size[..needed].iter().any(|s| *s <= 0.0) {
             return Err(ctx.invalid(
                 at,

@@ -133,6 +133,7 @@ fn shapes(body: &BodySpec) -> Vec<Inertial> {
         _ => weigh(geom, Weight::Density(DENSITY)),
     });
     let mut parts: Vec<Inertial> = solids.collect();
+    // Shapes that are only seen count where the link has none that collides.
     for colliding in [true, false] {
         if parts.is_empty() {
             let outlines = body.outlines.iter().filter(|outline| outline.colliding == colliding);

@@ -157,8 +157,7 @@ pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f
 }
 
 /// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`, contacts between own
-/// parts. Contacts have
-/// MuJoCo's tangents, also where the step takes others with the same cone.
+/// parts. Contacts have MuJoCo's tangents, also where the step takes others with the same cone.
 pub fn constraint_rows(
     tree: &Tree<f64>,
     params: &Params<f64>,

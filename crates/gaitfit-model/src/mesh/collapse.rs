@@ -180,6 +180,7 @@ impl<'a> Work<'a> {
 
     /// How often the ends of an edge have changed.
     fn seen(&self, ends: [u32; 2]) -> u32 {
+        // Numbers are only compared for equality, so one that wraps around does no harm.
         ends.iter().fold(0, |sum, &end| sum.wrapping_add(self.changes[end as usize]))
     }
 

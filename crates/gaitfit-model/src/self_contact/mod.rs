@@ -150,6 +150,7 @@ impl Parts {
         for (body, geom) in numbered(spec) {
             let (shape, other) = match geom.kind {
                 GeomKind::Solid(shape) => (shape, None),
+                // The sphere is a stand-in: `other` says that the shape itself does not collide.
                 GeomKind::Other(kind) => (Shape::Sphere { radius: 0.0 }, Some(kind)),
                 _ => (Shape::Sphere { radius: 0.0 }, Some("plane")),
             };
@@ -274,6 +275,7 @@ impl Parts {
             Shape::Box { .. } => 3,
         };
         let mut geoms = [first.geom.clone(), second.geom.clone()];
+        // A pair that is not computed as it is gets rods in place of its boxes and cylinders.
         let as_rods = !computed(&geoms[0].shape, &geoms[1].shape);
         if as_rods {
             geoms = rod::in_place_of_both(&geoms, frames);

@@ -43,6 +43,7 @@ pub(super) fn read_link(
                 match check(ctx, child, &element.label(), inertial, compiler.balance_inertia) {
                     Ok(inertial) => body.inertial = inertial,
                     Err(error) => {
+                        // Whether it can be mended shows when the whole robot is known (`mend_inertias`).
                         body.inertial = inertial;
                         impossible = Some(Impossible { at: child.at, error: Box::new(error) });
                     }
