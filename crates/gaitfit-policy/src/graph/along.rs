@@ -69,6 +69,7 @@ impl Along {
     /// Writes its values for one robot, for runs of `length` numbers that are `stride` apart.
     pub fn apply(self, out: &mut [f32], input: &[f32], length: usize, stride: usize) {
         let mut run = vec![0.0; length];
+        // Runs are interleaved: `stride` of them begin one beside the other in each block.
         for block in 0..input.len() / (length * stride) {
             for start in block * length * stride..block * length * stride + stride {
                 for (number, x) in run.iter_mut().enumerate() {

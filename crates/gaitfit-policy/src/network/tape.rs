@@ -33,6 +33,7 @@ impl<T: Scalar> Tape<T> {
         let grow = |buffer: &mut AVec<T>, width: usize| {
             buffer.resize(buffer.len().max(rows * width), T::ZERO);
         };
+        // Each buffer is as large as the largest network needs it, because they take turns.
         for shape in shapes {
             let layers = shape.layers();
             tape.outputs.resize_with(tape.outputs.len().max(layers.len()), || AVec::new(0));

@@ -60,6 +60,8 @@ impl Layout {
             };
             let frames: Vec<usize> = (0..count).map(begin).collect();
             let present = begin(count - 1)..begin(count - 1) + width;
+            // In whole frames the next term stands beside this one; else it begins behind all frames of this
+            // one.
             start += if order == FrameOrder::Terms { count * width } else { width };
             slots.push(Slot {
                 quantity: term.quantity,

@@ -46,6 +46,7 @@ impl Feet {
         let (batch, model) = (&walker.batch, walker.model());
         let foot = |foot: &FootGeoms| {
             let geom = &model.geoms[batch.contact_geoms()[foot.main]];
+            // All joints that move the foot against the base, from the foot up.
             let mut path = Vec::new();
             let mut body = Some(geom.body);
             while let Some(at) = body {
@@ -186,6 +187,7 @@ impl Legs {
         if total.is_nan() || total <= feet.least_load {
             return None;
         }
+        // Each foot says how the base would have to move for it to go on; the mean weighs them by load.
         let joints = course.joints();
         let wide = |v: &[f32]| -> Vec3 { std::array::from_fn(|k| f64::from(v[k])) };
         let simulated: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));
