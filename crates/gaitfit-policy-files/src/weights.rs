@@ -311,6 +311,7 @@ fn header(bytes: &[u8]) -> Result<Header, PolicyError> {
              file and give that (docs/policies.md)",
         )
     })?;
+    // The format first: a header of another format may have fields that the present one refuses.
     #[derive(Deserialize)]
     struct Version {
         format: u32,

@@ -122,12 +122,14 @@ impl Program {
             return Err(invalid(format!("`inputs` names {name}, and the graph's inputs are {inputs}")));
         }
         let mut pairs = pairs(model);
+        // The action, and inputs that the description feeds, are not remembered, whatever their names.
         pairs.retain(|(input, output)| output != action && !given.contains_key(input));
         let mut open = Vec::new();
         for input in taking.iter().filter(|input| needed.contains(&input.name)) {
             let is_state = pairs.iter().any(|(name, _)| *name == input.name);
             if !is_state && !given.contains_key(&input.name) {
                 let dims = dimensions(input)?;
+                // The first of several axes is that of the robots.
                 let known =
                     dims.iter().skip(usize::from(dims.len() > 1)).copied().collect::<Option<Vec<_>>>();
                 let known = known.filter(|dims| !dims.is_empty());

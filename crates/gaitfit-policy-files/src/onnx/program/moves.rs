@@ -47,6 +47,7 @@ impl Program {
         {
             return Ok(Value { operand: one.operand, dims });
         }
+        // Places count on through all inputs; the ends of the inputs tell which one a place lies in.
         let mut ends = Vec::new();
         let mut end = 0;
         for input in inputs {

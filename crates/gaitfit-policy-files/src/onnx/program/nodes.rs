@@ -104,6 +104,7 @@ impl Program {
     pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, NodeError> {
         let dims = broadcast(&[&a.dims, &b.dims])?;
         let reaches = [a, b].map(|one| self.reach(one, &dims)).into_iter().collect::<Result<Vec<_>, _>>()?;
+        // Two values have two reaches, so the other case does not occur.
         let [first, second] = <[Reach; 2]>::try_from(reaches).unwrap_or([Reach::Same, Reach::Same]);
         self.step(Operator::Binary(binary, [first, second]), &[a, b], dims)
     }
@@ -218,6 +219,7 @@ impl Program {
         let mut value = self.value(node, 0)?;
         let channels = value.dims.get(1).copied().ok_or(misfit("its input has one axis"))?;
         let mut parts = Vec::new();
+        // In ONNX's order: scale, bias, mean, variance.
         for number in 1..5 {
             let constant = self.constant(node, number).filter(|one| one.values.len() == channels);
             parts.push(
