@@ -68,6 +68,7 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         let half = if bar.half_width.is_finite() { bar.half_width } else { 0.0 };
         (bar.value - half, bar.value + half)
     };
+    // Zero is always on the axis, because bars begin there.
     let ends = bars.iter().map(interval).flat_map(|(low, high)| [low, high]);
     let range = scale::extent(ends.chain([0.0])).filter(|(low, high)| low < high).unwrap_or((0.0, 1.0));
     // Lines are counted upwards from the axis.

@@ -50,6 +50,7 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
     let bounds = || rows.iter().filter_map(|r| r.bounds).flat_map(|(a, b)| [a, b]);
     let mut hull = scale::extent(core).or_else(|| scale::extent(bounds()));
     if let Some((low, high)) = hull {
+        // A single value has no length: then only what equals it but for rounding is near.
         let length = (high - low).max(1e-12 * high.abs());
         let near = |factor: f64| move |x: &f64| *x >= low - factor * length && *x <= high + factor * length;
         let starts = rows.iter().filter_map(|r| r.start).filter(near(2.0));

@@ -114,6 +114,7 @@ impl Series<'_> {
             Series::Line { name, look, x, y } => line(svg, axes, (name, *look), (x, y), points),
             Series::Step { name, look, x, y } => {
                 let (x, y) = corners_of(x, y);
+                // A step is two corners.
                 line(svg, axes, (name, *look), (&x, &y), 2 * points);
             }
             Series::Points { look, x, y, radius, ring } => {
@@ -190,6 +191,7 @@ fn stairs(axes: &Axes, edges: &[f64], heights: &[f64]) -> String {
 /// A closed outline a stretch without gaps.
 fn band(svg: &mut String, axes: &Axes, look: Look, (x, low, high): (&[f64], &[f64], &[f64]), points: usize) {
     let count = x.len().min(low.len()).min(high.len());
+    // Each curve keeps its own peaks, so the points of both are joined.
     let mut known = path::thin(&low[..count], points / 2);
     known.extend(path::thin(&high[..count], points / 2));
     known.sort_unstable();

@@ -99,6 +99,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     Some(ParameterTable {
         groups: group(shown.iter().map(entry).collect()),
         rows: shown.iter().map(table_row).collect(),
+        // Counts are over all parameters, also those that are not shown.
         at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
         identified: parameters.iter().filter(|p| p.identified == Some(true)).count(),
         judged: parameters.iter().filter(|p| p.identified.is_some()).count(),
@@ -266,6 +267,7 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
         second: clean(&comparison.second),
         groups: group(drawn),
         rows,
+        // Over all entries, also those that are not shown.
         agreeing: comparison.entries.iter().filter(|e| e.agrees == Some(true)).count(),
         judged: comparison.entries.iter().filter(|e| e.agrees.is_some()).count(),
         reasons: comparison.reasons.iter().take(100).map(|r| clean_prose(r)).collect(),

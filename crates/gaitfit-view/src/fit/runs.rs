@@ -55,6 +55,7 @@ pub(super) fn build(runs: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
         })
         .collect();
     Some(Runs {
+        // In this order the bold lines lie above the faint ones.
         cost: chart("cost over generations", "cost", &x, across.chain(faint).chain(bold)),
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,

@@ -79,6 +79,8 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
 
     let missed = residual(&fitted, &measured);
     let missed_before = residual(&nominal, &measured);
+    // The nominal error may be far larger: it sets the scale only where that is asked for, or where it is
+    // alone.
     let counted: &[f64] = if size.nominal_residual || missed.is_empty() { &missed_before } else { &[] };
     let largest = extent(missed.iter().chain(counted).map(|r| r.abs())).map_or(1.0, |(_, high)| high);
     let mut series = Vec::new();

@@ -98,6 +98,7 @@ fn on_ground(contact: &[bool], time: &[f64], shortest: f64) -> Vec<(f64, f64)> {
         if !contact[i] || !at.is_finite() {
             continue;
         }
+        // Contact holds until the next sample.
         let next = time.get(i + 1).copied().filter(|t| t.is_finite()).unwrap_or(*at).max(*at);
         match stretches.last_mut() {
             Some(last) if *at <= last.1 + shortest => last.1 = next.max(last.1),

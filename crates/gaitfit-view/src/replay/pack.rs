@@ -222,6 +222,7 @@ fn channels(frames: &[Frame], joints: usize) -> Vec<Vec<f64>> {
     for frame in frames {
         let q = &frame.base_quaternion;
         let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // A quaternion that cannot be normalised repeats the last one.
         if norm.is_finite() && norm > 0.0 {
             // q and −q are the same orientation.
             let along: f64 = q.iter().zip(&last).map(|(a, b)| a * b).sum();

@@ -125,6 +125,7 @@ fn headline(results: &[&SeedResult]) -> Vec<Number> {
         Number { value: fixed(linear, 3), unit: "m/s".into(), what: "mean linear-velocity error".into() },
         Number { value: fixed(angular, 3), unit: "rad/s".into(), what: "mean angular-velocity error".into() },
         Number {
+            // The unit stands apart in large print.
             value: percent(falls).replace("\u{a0}%", ""),
             unit: "%".into(),
             what: "of trajectories end in a fall".into(),
