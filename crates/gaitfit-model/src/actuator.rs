@@ -139,6 +139,7 @@ impl ActuatorForm {
                 ctx.refuse(a.at("biastype"), what, "only none and affine", "use biastype=\"affine\"")?;
             }
         }
+        // MJCF takes ten numbers: of a fixed gain the first counts, of an affine bias the first three.
         let mut gain = [self.gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "gainprm", &mut gain)?;
         self.gain = gain[0];
@@ -171,6 +172,7 @@ impl ActuatorForm {
                 return Ok(None);
             }
         }
+        // On hinges and slides `jointinparent` means the same as `joint`.
         let Some(target) = a.text("joint").or_else(|| a.text("jointinparent")) else {
             return Err(ctx.invalid(at, format!("{label} drives nothing"), "add joint=\"...\""));
         };

@@ -120,6 +120,7 @@ impl Attacher<'_, '_, '_> {
         if self.nesting >= MAX_NESTING {
             return Err(self.ctx.too_many(at, "models attached to each other", MAX_NESTING));
         }
+        // The other file may attach files itself, which are put into it first.
         let other = assembled(self.ctx, root, self.nesting + 1, self.elements)?;
         self.check_compiler(&other, at)?;
         let mut parts = Vec::new();
@@ -299,6 +300,7 @@ fn refer(element: &mut Element, prefix: &str, names: &HashSet<String>) -> bool {
         "refname",
         "cranksite",
     ];
+    // An element that also refers to something left behind would name nothing here.
     let (mut any, mut lost) = (false, false);
     for attribute in element.attributes.iter_mut().filter(|one| REFERENCES.contains(&one.name.as_str())) {
         match names.contains(&attribute.value) {

@@ -180,6 +180,7 @@ pub(crate) fn read_couplings<'e>(
         };
         let leader = a.text("joint2").filter(|name| !name.is_empty());
         a.finish(ctx)?;
+        // MuJoCo can switch an inactive one on while it runs; here nothing does.
         if !form.inactive {
             all.push(NamedCoupling::new(element.at, follower, leader, polynomial, &form));
         }

@@ -159,6 +159,7 @@ impl GeomForm {
                 ctx.invalid(at, format!("{}: the points of `fromto` coincide", element.label()), "move one")
             })?;
             let half = dot(along, along).sqrt() / 2.0;
+            // The half length is the third size of a box, and the second of a capsule.
             size = if matches!(type_name, "box" | "ellipsoid") {
                 [size[0], size[0], half]
             } else {
@@ -244,6 +245,7 @@ impl GeomForm {
         if massless || kind == GeomKind::Plane || self.field.is_some() {
             return Ok(Some(MASSLESS));
         }
+        // A mesh is weighed only where its mass is needed, which the body decides.
         let Some(solid) = solid else { return Ok(None) };
         if self.shell {
             let what = format!("`shellinertia` of {}", element.label());

@@ -59,6 +59,7 @@ impl Model {
         let named = |(group, kind): (LeftOut, String)| match group.count {
             1 => group,
             count => {
+                // The name stands between the first two quotation marks.
                 let first = group.what.split('"').nth(1).filter(|_| !group.harmless);
                 let such = first.map(|name| format!(", such as \"{name}\"")).unwrap_or_default();
                 LeftOut { what: format!("{}{such}", plural(count, &kind)), ..group }

@@ -109,6 +109,7 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
     }
     let count = section.children.len();
     match name {
+        // An empty section asks for nothing.
         _ if count == 0 && ["sensor", "equality", "tendon", "deformable", "extension"].contains(&name) => {
             Ok(())
         }

@@ -39,6 +39,8 @@ pub(crate) fn compile_with<T: Real>(
     check_steps(settings)?;
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    // Bodies without joints are welded: `seats` names each body's link, `mounts` places each link on its
+    // parent.
     let (seats, mounts) = seats(model);
     let floating = model.root == Root::Floating;
 
@@ -352,6 +354,7 @@ fn compile_pair<T: Real>(
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     // A pyramid's edges mix normal and tangent, so they have one reference.
     let separate = elliptic && pair.solreffriction != [0.0; 2];
+    // MuJoCo reads zeros as the reference of the normal.
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let isotropic = pair.friction[0] == pair.friction[1];
     let touched = match pair.ground {

@@ -197,6 +197,7 @@ pub(crate) fn ellipse<T: Real>(
     let mut u = [z; 6];
     let mut t2 = z;
     for k in 1..condim {
+        // Each tangent scaled by its coefficient: the ellipse becomes a circle.
         u[k] = mu[k - 1] * j[k];
         t2 = u[k].fma(u[k], t2);
     }

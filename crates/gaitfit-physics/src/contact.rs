@@ -103,6 +103,7 @@ separate! {
                 let mut acceleration = [a[0], cross_add(a[0], point.x, a[1])];
                 if let Some(segment) = segment {
                     let joint = tree.segments[segment].first - 1;
+                    // Joints of the segment further out do not move this link.
                     for k in 0..=pair.member {
                         let axis = work.segments[segment].axis[k];
                         let column = cross_add(axis[0], point.x, axis[1]);
@@ -316,6 +317,7 @@ impl<T: Real> Softness<T> {
         let (friction_b, gain) = (T::k(pair.friction_b), T::k(pair.reference.gain));
         let hard = Self { k, b, friction_b, gain };
         let soft = softness.unless_zero();
+        // Without extra softness the divisions below are skipped.
         if !T::enter(soft) {
             return hard;
         }
@@ -351,12 +353,14 @@ fn point_rows<T: Real>(
 ) {
     let depth = point.distance - T::k(pair.margin);
     let imp = impedance(&pair.impedance, depth);
+    // MuJoCo's R is (1 − imp)/imp times an estimate of the row's inverse inertia, and D is 1/R.
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
     // A point that does not touch has D = 0: its row has neither force nor stiffness.
     point.d = T::select_lt(depth, T::zero(), d, T::zero());
     let v = components(pair, &point.frame, velocity[1]);
     let a = components(pair, &point.frame, acceleration[1]);
     let (b, bf) = (rows.b, rows.friction_b);
+    // Residual: J q̈ less the reference acceleration −b v − k imp depth. Friction rows have no spring.
     let spring = rows.k * (imp * depth);
     point.residual[0] = [b.fma(v[0], a[0] + spring), bf.fma(v[1], a[1]), bf.fma(v[2], a[2])];
     if pair.condim > 3 {

@@ -123,6 +123,7 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
     let n = axes.len();
     let mut m = vec![0.0; n * n];
     for (b, (link_b, axis_b)) in axes.iter().enumerate() {
+        // Force that accelerates all that joint b carries by one unit along its axis.
         let force = composite[*link_b].mul(*axis_b);
         for (a, (link_a, axis_a)) in axes.iter().enumerate().take(b + 1) {
             // Joints of different branches have no inertia in common.

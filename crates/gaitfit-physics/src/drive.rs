@@ -157,6 +157,7 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
             None => (force, false),
         };
         drives[j].torque += actuator.gear * limited;
+        // A force at its limit does not depend on velocity, so it damps nothing.
         if !saturated {
             drives[j].damping -= actuator.gear * actuator.gear * b2;
         }

@@ -86,6 +86,8 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
     for part in 0..2 {
         let d = scratch.friction_d[part];
         for k in 0..3 {
+            // Dry friction: proportional to the residual up to the loss, constant and without stiffness
+            // beyond it.
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
             scratch.row[part][k] = slip.clamp_abs(loss);
             weight[part][k] = T::select_lt(slip.abs(), loss, d, z);
@@ -139,6 +141,7 @@ pub(crate) fn along<T: Real>(
         let d = scratch.friction_d[part];
         for k in 0..3 {
             let step = scratch.step[part][k];
+            // The force of `terms` at this point of the line, and its derivative.
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
             g.0 = step.fma(slip.clamp_abs(loss), g.0);
             let curve = T::select_lt(slip.abs(), loss, d * step, T::zero());

@@ -87,6 +87,7 @@ pub(crate) fn invweights(
                             }
                         })
                         .collect();
+                    // J M⁻¹ Jᵀ: the inverse inertia of this direction.
                     *sum += factor.inverse_form(&row);
                 }
             }
@@ -97,6 +98,7 @@ pub(crate) fn invweights(
     let first = n - tree.joints();
     let weight = |dof: usize| factor.inverse_diagonal(dof);
     let joints = (0..tree.joints()).map(|j| weight(first + j)).collect();
+    // MuJoCo takes one mean of a free joint's translations and one of its rotations.
     let mean = |dofs: Range<usize>| dofs.map(weight).sum::<f64>() / 3.0;
     let free = if tree.floating { [mean(0..3), mean(3..6)] } else { [1.0; 2] };
     Ok(Invweights { bodies, joints, free })

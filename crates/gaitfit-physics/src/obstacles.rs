@@ -49,6 +49,7 @@ impl<K> Obstacles<K> {
                         corner: field.half_size.map(|half| T::constant(-half)),
                         step: steps.map(T::constant),
                         per_step: steps.map(|step| T::constant(1.0 / step)),
+                        // The last inner vertex: the four cells about it must exist.
                         last: [field.columns, field.rows].map(|count| T::constant((count - 2) as f64)),
                         columns: T::constant(field.columns as f64),
                         top: T::constant(top),

@@ -231,6 +231,7 @@ impl Robot {
                 }
             }
         }
+        // Own parts follow the pairs with the ground. Both bodies give way, so their inverse inertias add.
         for pair in &model.self_pairs {
             let [first, second] = [0, 1].map(|side| weights.bodies[pair.geoms[side].body]);
             let (translation, rotation) = (first[0] + second[0], first[1] + second[1]);

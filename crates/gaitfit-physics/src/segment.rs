@@ -277,6 +277,7 @@ fn segment_contacts<T: Real, const N: usize>(
                 continue;
             }
             for k in 0..N {
+                // Joints of the segment further out do not move this link.
                 if k <= pair.member {
                     let g = point.columns[k];
                     block.r[k] = dot_add(g, point.world_force, block.r[k]);
@@ -340,6 +341,7 @@ fn substitute_joints<T: Real, const N: usize>(
         }
         step[k] = s;
     }
+    // Where own parts touch, the step corrected for them stays; the tree alone would lack their Hessian.
     if let Some(touching) = corrected
         && T::enter(touching)
     {
@@ -359,6 +361,7 @@ fn substitute_joints<T: Real, const N: usize>(
         nodes[node].step = a;
     }
     let (mut slope, mut curvature) = (T::zero(), T::zero());
+    // The rest serves the line search and the residuals of a further iteration.
     if wanted == Wanted::Step {
         return (slope, curvature);
     }

@@ -336,6 +336,7 @@ fn rows_along<T: Real>(
     for ((joint, &qacc), &limited) in work.joints.iter().zip(&state.qacc).zip(&work.limited) {
         let step = joint.step;
         let a = alpha.fma(step, qacc);
+        // Dry friction: beyond the loss the force is constant, so the curvature is zero.
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
         g.0 = step.fma(slip.clamp_abs(loss), g.0);

@@ -162,6 +162,7 @@ fn compile_pair<T: Real>(
     let (stiffness, damping, gain) = reference(&pair.solref, dmax, settings);
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     let separate = elliptic && pair.solreffriction != [0.0; 2];
+    // MuJoCo reads zeros as the reference of the normal.
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
     Ok(SelfContactPair {

@@ -92,6 +92,7 @@ fn point<T: Real>(
     }
     let depth = spot.distance - T::k(pair.margin);
     let imp = impedance(&pair.impedance, depth);
+    // As in `contact::point_rows`.
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
     let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
     let spring = T::k(pair.reference.k) * (imp * depth);

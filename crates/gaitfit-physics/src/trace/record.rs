@@ -263,6 +263,7 @@ impl Recording {
         let RegionKind::Loop { carried, .. } = &self.graph.regions[index as usize].kind else {
             return self.fail(TraceError::Nesting);
         };
+        // A copy, because `add` and `fail` below change the graph.
         let mut carried = carried.clone();
         if carried.len() != numbers.len() {
             return self.fail(TraceError::Carried { began: carried.len(), ended: numbers.len() });

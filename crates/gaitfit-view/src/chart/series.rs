@@ -119,6 +119,7 @@ impl Series<'_> {
             }
             Series::Points { look, x, y, radius, ring } => {
                 let (radius, kind) = (coordinate(*radius), if *ring { "s ring" } else { "f" });
+                // Zero and negative values have no place on a logarithmic axis.
                 for (x, y) in x.iter().zip(*y).filter(|(x, y)| fits(&axes.x, **x) && fits(&axes.y, **y)) {
                     let (cx, cy) = (coordinate(axes.x.at(*x)), coordinate(axes.y.at(*y)));
                     let _ =

@@ -89,6 +89,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     if shown.is_empty() {
         return None;
     }
+    // A source is named once, however many parameters cite it.
     let mut sources: Vec<String> = Vec::new();
     for range in shown.iter().filter_map(|p| p.published.as_ref()) {
         let source = clean(&range.source);

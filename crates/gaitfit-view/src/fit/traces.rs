@@ -40,6 +40,7 @@ pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
 
 /// The chart of the samples in `range`; `None` without times or any series.
 pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Option<String> {
+    // A series may be missing or shorter than the times.
     let cut = |series: &[f64]| -> Vec<f64> {
         series.get(range.start.min(series.len())..range.end.min(series.len())).unwrap_or(&[]).to_vec()
     };

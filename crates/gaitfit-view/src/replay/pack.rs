@@ -130,6 +130,7 @@ fn robot(robot: &ReplayRobot, meshes: &[usize]) -> PackedRobot {
     // Beside joints a frame has position (3), quaternion (4), command (3) and velocity (3), each of two bytes.
     let mut codes = Vec::with_capacity(robot.frames.len() * (joints + 13) * 2);
     let (mut offset, mut scale) = (Vec::new(), Vec::new());
+    // Each channel has a range of its own, so two bytes resolve small motions as finely as large ones.
     for mut channel in channels(&robot.frames, joints) {
         hold(&mut channel);
         let (middle, step) = coded(&channel, &mut codes);

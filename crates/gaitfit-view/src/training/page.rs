@@ -56,6 +56,7 @@ impl Page {
         let seeds = &report.seeds[..report.seeds.len().min(MAX_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
+        // A replay that cannot be drawn becomes a warning of a page that is otherwise whole.
         let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
             title: clean(&report.title),
