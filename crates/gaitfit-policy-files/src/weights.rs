@@ -265,6 +265,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         return Err(invalid(format!("tensor {name} is none of a policy's; export the policy again")));
     }
     let Header { interface, provenance, .. } = header;
+    // A file of this program leaves nothing to assume.
     let notes = Vec::new();
     let policy = Policy {
         interface,

@@ -93,6 +93,7 @@ pub fn follow(
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
     cancel: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), WalkerError> {
+    // A reset takes the state and the action of its sample from the log.
     let stateless = |script: &Script| {
         script.states.len() < script.commands.len()
             || script.actions.len() < script.commands.len() * walker.joints.len()
@@ -323,6 +324,7 @@ impl Track {
             &motion.joint_position[index * width..(index + 1) * width],
             &motion.velocity_readings()[index * width..(index + 1) * width],
         );
+        // In the policy's order of joints.
         self.position.extend(walker.joints.iter().map(|&joint| position[joint]));
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);

@@ -186,6 +186,7 @@ impl Terms {
     /// Refuses terms that are not the network's, and histories and clips that are not read.
     fn check(&self, entries: &Entries, inputs: usize, histories: &[usize]) -> Result<(), PolicyError> {
         let quantities = || self.quantities.iter().map(|(_, quantity)| *quantity);
+        // The lengths come from a file, so the sum may overflow.
         let width = quantities().zip(histories).try_fold(0_usize, |sum, (quantity, &length)| {
             sum.checked_add(quantity.width(entries.outputs).checked_mul(length)?)
         });

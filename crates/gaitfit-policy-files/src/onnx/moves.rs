@@ -244,6 +244,7 @@ fn concat(inputs: &[&Constant], axis: usize, max: usize) -> Option<Constant> {
     }
     let (runs, wide) = blocks(&first.dims, axis);
     let mut values = Vec::with_capacity(total);
+    // In row-major order the blocks of all inputs alternate, once a run.
     for run in 0..runs {
         for one in inputs {
             let long = one.dims[axis] * wide;

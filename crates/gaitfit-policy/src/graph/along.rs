@@ -35,6 +35,7 @@ impl Reduction {
                 Self::Sum | Self::Mean => *sum + x,
                 Self::L1 => *sum + x.abs(),
                 Self::L2 | Self::SumSquare => *sum + x * x,
+                // A NaN is taken and stays, because no number compares as larger.
                 Self::Max if x > *sum || x.is_nan() => x,
                 Self::Min if x < *sum || x.is_nan() => x,
                 Self::Max | Self::Min => *sum,

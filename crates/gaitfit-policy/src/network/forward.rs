@@ -16,6 +16,7 @@ pub(crate) fn layer<T: Scalar>(
     let output = &mut output[..rows * layer.outputs];
     let bias = &parameters[layer.bias.clone()];
     let last = index + 1 == layers.len();
+    // Few outputs would leave the vectors of a matrix product half empty.
     if last && (2..=lanes::NARROW).contains(&layer.outputs) {
         let input = &input[..rows * layer.inputs];
         return lanes::multiply_narrow(output, input, &parameters[layer.weight.clone()], bias);

@@ -268,6 +268,7 @@ impl RecurrentLayer {
     ) {
         let (inputs, hidden) = (self.inputs, self.hidden);
         let mut before = before.iter().cloned();
+        // ONNX begins at zero where a graph gives no state.
         let zeros = vec![0.0; rows * hidden];
         let output = before.next().unwrap_or_else(|| zeros.clone());
         let mut state = State { hidden, output, cell: before.next().unwrap_or(zeros) };

@@ -122,6 +122,7 @@ impl<T: Scalar> Tape<T> {
                 // Biases of hidden layers are summed with the slopes, in the pass below.
                 lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
             }
+            // Nobody reads the derivative by the network's input.
             if index == 0 {
                 break;
             }

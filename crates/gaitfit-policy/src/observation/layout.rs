@@ -190,6 +190,7 @@ impl Layout {
                 [scale] => out.iter_mut().for_each(|value| *value *= scale),
                 scales => out.iter_mut().zip(scales).for_each(|(value, scale)| *value *= scale),
             }
+            // An older frame is what stood one frame newer in the row before.
             for pair in slot.frames.windows(2) {
                 let to = pair[0]..pair[0] + slot.width();
                 match past {

@@ -134,6 +134,7 @@ impl Legs {
         let rows = position.chunks_exact(joints).zip(velocity.chunks_exact(joints));
         for ((angles, rates), &base) in rows.zip(quaternion) {
             let angles: Vec<f64> = angles.iter().map(|&x| f64::from(x)).collect();
+            // With the base at the origin: places and velocities are in the base's axes.
             let frames = body_frames(model, &Frame::WORLD, &angles);
             for foot in &feet.feet {
                 let at = foot.point(model, &frames, base);

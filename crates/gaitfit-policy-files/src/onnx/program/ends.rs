@@ -69,6 +69,7 @@ pub(super) fn action(
             fitting.push(output.name.clone());
         }
     }
+    // If one is taken and none is left, it was the only one.
     let only = fitting.pop().filter(|_| fitting.is_empty());
     known.or(only).ok_or_else(|| {
         invalid(format!(

@@ -49,11 +49,13 @@ impl Program {
             return self.reduce(node, attributes, what);
         }
         match node.op_type.as_str() {
+            // Dropout acts in training alone.
             "Identity" | "Dropout" => {
                 let input = self.value(node, 0)?;
                 self.give(node, 0, input)
             }
             "Cast" => {
+                // Values are computed in single precision, whichever of the two the file names.
                 if ![FLOAT, DOUBLE].map(i64::from).contains(&attributes.integer("to", 0)) {
                     return Err(unread("it makes whole numbers of values"));
                 }
@@ -143,6 +145,7 @@ impl Program {
     fn reduce(&mut self, node: &Node, attributes: &Attributes, what: Reduction) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let listed = attributes.list("axes").map(<[i64]>::to_vec);
+        // Newer operator sets give the axes as an input, older ones as an attribute.
         let axes = match (listed, Self::has(node, 1)) {
             (Some(axes), _) => axes,
             (None, true) => {
