@@ -159,6 +159,9 @@ pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f
 
 /// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`, contacts between own
 /// parts. Contacts have MuJoCo's tangents, also where the step takes others with the same cone.
+///
+/// As in MuJoCo there are no rows without dry friction, and those of a free joint begin with translation, while the
+/// step's vectors begin with rotation. The tree has its contact pairs by link, so they are sorted here.
 pub fn constraint_rows(
     tree: &Tree<f64>,
     params: &Params<f64>,
@@ -188,13 +191,11 @@ pub fn constraint_rows(
         }
         rows.push(Row { kind: RowKind::Coupling(index), jacobian, aref: -each.bias, d: each.d });
     }
-    // MuJoCo makes no row where there is no dry friction.
     let rubbing = tree.free.iter().filter(|free| free.frictionloss > 0.0);
     for each in rubbing.flat_map(|_| &work.free) {
         for dof in 0..6 {
             let mut jacobian = vec![0.0; n];
             jacobian[dof] = 1.0;
-            // MuJoCo has translation first, the step's vectors rotation.
             let (part, axis) = (1 - dof / 3, dof % 3);
             let d = each.friction_d[part];
             rows.push(Row {
@@ -225,7 +226,6 @@ pub fn constraint_rows(
             });
         }
     }
-    // The tree has pairs by link, MuJoCo in the order of the model.
     let mut order: Vec<usize> = (0..tree.pairs.len()).collect();
     order.sort_by_key(|&index| tree.pairs[index].model_pair);
     for index in order {
