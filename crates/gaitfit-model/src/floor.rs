@@ -17,8 +17,8 @@ use crate::xml::{At, Element};
 const NAME: &str = "floor";
 
 /// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has neither a
-/// plane nor a height field. Where a contact pair names a geom that is not there, as the floor of a scene, the plane has
-/// this name.
+/// plane nor a height field. Where a contact pair names a geom that is not there, as the floor of a scene, the plane
+/// has this name.
 pub(crate) fn add_floor(
     ctx: &mut Context,
     document: &Element,
