@@ -172,6 +172,7 @@ impl Attacher<'_, '_, '_> {
         names: &mut HashSet<String>,
         depth: usize,
     ) -> Result<(), ModelError> {
+        // Files that attach each other multiply: the count bounds what a few lines can grow to.
         *self.elements += 1;
         if *self.elements > MAX_NODES || depth > MAX_DEPTH {
             return Err(self.ctx.too_many(element.at, "elements with those of <attach>", MAX_NODES));

@@ -249,6 +249,7 @@ fn leads_back(follower: usize, leader: Option<usize>, kept: &[Coupling]) -> bool
         if joint == follower {
             return true;
         }
+        // A joint may be reached on several ways, and is followed once.
         if !seen.contains(&joint) {
             seen.push(joint);
             let leaders = kept.iter().filter(|coupling| coupling.follower == joint);

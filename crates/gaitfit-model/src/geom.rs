@@ -218,6 +218,7 @@ impl GeomForm {
         let name = self.field.as_deref().unwrap_or("");
         match fields.names.get(name) {
             Some(Ok(field)) => return Ok(GeomKind::Field(*field)),
+            // What is only seen needs no heights.
             Some(Err(_)) if self.surface.is_visual() => {}
             Some(Err(why)) => {
                 let what = format!("height field \"{}\"", shown(name));

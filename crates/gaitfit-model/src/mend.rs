@@ -43,6 +43,7 @@ fn of_mesh(mesh: &MeshFile, weight: Weight) -> Option<Inertial> {
         Weight::Mass(mass) => mass,
         Weight::Density(density) => density * measure.volume,
     };
+    // A stated mass is spread evenly over the volume.
     let density = mass / measure.volume;
     let inertia = measure.moments.map(|moment| density * moment);
     (mass.is_finite() && mass > 0.0).then_some(Inertial {

@@ -43,6 +43,7 @@ pub(crate) fn expand(
         };
         expanded.children.push(Element { children, ..section.clone() });
     }
+    // Only now are all copies known to which these sections may refer.
     for section in expanded.children.iter_mut().filter(|one| REFERRING.contains(&one.name.as_str())) {
         expander.refer(section)?;
     }
@@ -75,6 +76,7 @@ impl Expander<'_, '_> {
             if let Some(copy) = copy {
                 let copy = &mut self.copies[copy];
                 for name in copied.attributes.iter_mut().filter(|attribute| attribute.name == "name") {
+                    // Other sections refer to it by the name without the suffix.
                     copy.names.insert(name.value.clone());
                     name.value.push_str(&copy.suffix);
                 }

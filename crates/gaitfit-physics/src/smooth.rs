@@ -162,6 +162,7 @@ fn gather<T: Real>(
     let force = rigid.mul(axis);
     out.force[k] = force;
     out.mass[k] = dot6_add(axis, force, joint.armature);
+    // Behind the diagonal the packed matrix has its elements 10, 20 and 21.
     for i in 0..k {
         out.mass[2 + k + i] = dot6(out.axis[i], force);
     }

@@ -218,6 +218,7 @@ impl<T: Real> Articulated<T> {
 #[inline(always)]
 fn sym_inverse<T: Real>(s: &Sym3<T>) -> Sym3<T> {
     let [xx, yy, zz, xy, xz, yz] = *s;
+    // Cofactors over the determinant, which is expanded along the first row.
     let c0 = yz.fnma(yz, yy * zz);
     let c3 = xy.fnma(zz, xz * yz);
     let c4 = xz.fnma(yy, xy * yz);

@@ -133,6 +133,7 @@ fn put_memories(tensors: &mut Vec<NamedTensor>, policy: &Policy) {
             for (part, inputs, values) in
                 [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
             {
+                // In PyTorch's order: outputs × inputs.
                 let values = single(&transpose(values, inputs, wide));
                 tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
             }

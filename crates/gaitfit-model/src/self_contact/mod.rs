@@ -236,6 +236,8 @@ impl Parts {
                 return Err(SelfContactError::Syntax { pattern: name.to_owned(), reason });
             }
         };
+        // A body stands for its parts that collide; a geom is meant by its own name whether it collides or
+        // not.
         let covers = |glob: &GlobMatcher, part: &Part| {
             glob.is_match(&part.geom.name) || (glob.is_match(&part.body) && !part.surface.is_visual())
         };

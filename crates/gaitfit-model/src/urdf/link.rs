@@ -122,6 +122,7 @@ fn check(
     inertial: Inertial,
     balance: bool,
 ) -> Result<Inertial, ModelError> {
+    // The moments come in falling order: the last one is the smallest.
     if without_rounding(inertial.inertia)[2] < 0.0 {
         return Err(ctx.invalid(
             element.at,

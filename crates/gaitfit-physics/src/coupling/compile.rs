@@ -91,6 +91,7 @@ fn compile_coupling<T: Real>(
 ) -> Result<Coupling<T::K>, PhysicsError> {
     let (k, b, gain) = reference(&coupling.solref, coupling.solimp[1], settings);
     let label = format!("coupling of joint `{}`", model.joints[coupling.follower].name);
+    // A very hard reference would overflow in a step of single precision.
     for (quantity, value) in [("the stiffness of solref", k), ("the damping of solref", b)] {
         if !(value as f32).is_finite() {
             let must = "finite in single precision";

@@ -138,6 +138,7 @@ impl<K: Copy> Modify<K> for Gears {
         let h = T::lit(settings.timestep);
         for j in 0..self.joints {
             let Some(gear) = drives[j].gear.take() else { continue };
+            // τ = α − β v', with the link's velocity after the step.
             let torque = gear.resistance.fnma(state.qvel[j], gear.torque);
             let velocity = gear.mobility.fnma(torque, gear.rate);
             let acceleration = (velocity - gear.motor[1]) * T::lit(1.0 / settings.timestep);
@@ -145,6 +146,7 @@ impl<K: Copy> Modify<K> for Gears {
             memory[MEMORY * j] = state.qpos[j] - angle;
             memory[MEMORY * j + 1] = state.qvel[j] - velocity;
             memory[MEMORY * j + 2] = state.qacc[j] - acceleration;
+            // Outside of the step the state is that of the motors.
             state.qpos[j] = angle;
             state.qvel[j] = velocity;
             state.qacc[j] = acceleration;

@@ -95,6 +95,7 @@ fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<SelfContactJoint> {
         chain
     };
     let [first, second] = ends.map(chain);
+    // A joint that carries both links moves them as one, so the contact does not feel it.
     let alone = |link: &usize, other: &[usize]| !other.contains(link);
     let ours = first
         .iter()

@@ -126,6 +126,7 @@ impl Terms {
                      again with mjlab, or describe it in a TOML file (docs/policies-motion.md)"
                 )));
             }
+            // One term of a motion may be several quantities.
             let of_term = match if tracks { terms::of_motion(name) } else { None } {
                 Some(several) => several.to_vec(),
                 None => vec![Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?],

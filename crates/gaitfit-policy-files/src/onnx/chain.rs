@@ -218,6 +218,7 @@ impl Chain {
         if norm.weight.len() != width || norm.bias.len() != width {
             return Err(misfit(format!("its weights are not {width}, as the layer before it gives")));
         }
+        // Layers before this one without a norm.
         self.norms.resize(self.layers.len() - 1, None);
         self.norms.push(Some(norm));
         Ok(())
@@ -268,6 +269,7 @@ impl Chain {
         if range.is_empty() || range.end > layer.outputs {
             return Err(misfit(format!("it takes numbers {range:?} of {}", layer.outputs)));
         }
+        // The part is what a layer with these columns alone gives.
         let rows = layer.weight.chunks_exact(layer.outputs);
         layer.weight = rows.flat_map(|row| row[range.clone()].to_vec()).collect();
         layer.bias = layer.bias[range.clone()].to_vec();

@@ -47,5 +47,6 @@ pub(crate) fn normed_layer(
     matmul::multiply(output, x, w, false);
     lanes::add_bias(output, &parameters[layer.bias.clone()]);
     norm.apply(output);
+    // The norm's bias goes into the pass of the activation.
     lanes::add_bias_and_activate(output, &norm.bias, activation);
 }

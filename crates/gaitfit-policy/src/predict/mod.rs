@@ -223,6 +223,7 @@ pub fn robots(walker: &Walker, courses: &[Course], job: &Job) -> Result<Vec<Vec<
     let (mut periods, mut before) = (Vec::new(), None);
     let mut watch = |tile: &mut Tile<'_>| {
         let now: Vec<RobotState> = (0..courses.len()).map(|index| tile.robot(index)).collect();
+        // The watch is called twice a period: before the step and after it.
         before = match before.take() {
             None => Some(now),
             Some(before) => {

@@ -98,8 +98,10 @@ impl Series<'_> {
         match self {
             Series::Line { x, y, .. } | Series::Step { x, y, .. } | Series::Points { x, y, .. } => both(x, y),
             Series::Stairs { edges, .. } if axis == 0 => edges.to_vec(),
+            // Stairs stand on zero.
             Series::Stairs { heights, .. } => heights.iter().copied().chain([0.0]).collect(),
             Series::Band { x, low, high, .. } => both(x, low).into_iter().chain(both(x, high)).collect(),
+            // An infinite end reaches as far as the axis does, so it does not set it.
             Series::Boxes { corners, .. } => {
                 corners.iter().flat_map(|c| [c[axis].0, c[axis].1]).filter(|v| v.is_finite()).collect()
             }

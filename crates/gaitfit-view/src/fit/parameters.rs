@@ -211,6 +211,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
 pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
     let mut by_unit: Vec<Vec<Entry>> = Vec::new();
     for entry in entries {
+        // Every list begins with an entry, so it has a first one.
         match by_unit.iter_mut().find(|known| known[0].unit == entry.unit) {
             Some(known) => known.push(entry),
             None => by_unit.push(vec![entry]),

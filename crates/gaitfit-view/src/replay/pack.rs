@@ -99,6 +99,7 @@ struct PackedGeom {
 }
 
 pub(super) fn pack(replay: &Replay) -> Packed {
+    // Robots beside each other often share meshes: each is written once.
     let mut meshes: Vec<&Mesh> = Vec::new();
     let robots = replay.robots.iter().map(|one| {
         let places = one.meshes.iter().map(|mesh| {

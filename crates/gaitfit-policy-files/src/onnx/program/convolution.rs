@@ -153,6 +153,7 @@ fn table(axes: &[Axis], channels: std::ops::Range<usize>) -> Vec<[u32; 2]> {
 /// The place along each axis of a number in an array of these sizes.
 fn spread(number: usize, sizes: &[usize]) -> Vec<usize> {
     let mut rest = number;
+    // Row-major: the last axis turns fastest.
     let mut places: Vec<usize> = sizes
         .iter()
         .rev()

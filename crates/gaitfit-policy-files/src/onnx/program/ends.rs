@@ -91,6 +91,7 @@ pub(super) fn pairs(model: &Decoded) -> Vec<(String, String)> {
     };
     let mut pairs = Vec::new();
     for input in inputs(model).take(MAX_ENDS) {
+        // An input that is named like an observation is no state, whatever output resembles it.
         let observed =
             ["obs", "observation", "observations", "input", "policy"].contains(&input.name.as_str());
         let output = model

@@ -67,6 +67,7 @@ impl Program {
     pub(super) fn concat(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let inputs = (0..node.input.len()).map(|number| self.value(node, number));
         let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+        // Numbers of places are joined instead of values: the result says where each value comes from.
         let mut places = Vec::new();
         let mut start = 0;
         for input in &inputs {
