@@ -73,6 +73,7 @@ impl ActuatorForm {
         }
         a.ignore(&["group", "user", "lengthrange", "nsample", "interp"]);
         match kind {
+            // A motor's force is its control, whatever gains and biases its class gives to servos.
             "motor" => {
                 self.gain = 1.0;
                 self.bias_type = 0;
@@ -101,6 +102,7 @@ impl ActuatorForm {
         let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
         a.set_nonnegative(ctx, "kv", &mut kv)?;
         a.set_nonnegative(ctx, "dampratio", &mut ratio)?;
+        // A position servo's force is kp · (control − position), less kv times the velocity.
         (self.gain, self.bias_type) = (kp, 1);
         self.bias[1] = -kp;
         // As in MuJoCo a positive entry is a damping ratio, resolved when all masses are known.
@@ -137,6 +139,7 @@ impl ActuatorForm {
                 ctx.refuse(a.at("biastype"), what, "only none and affine", "use biastype=\"affine\"")?;
             }
         }
+        // MJCF takes ten numbers: of a fixed gain the first counts, of an affine bias the first three.
         let mut gain = [self.gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "gainprm", &mut gain)?;
         self.gain = gain[0];
@@ -169,6 +172,7 @@ impl ActuatorForm {
                 return Ok(None);
             }
         }
+        // On hinges and slides `jointinparent` means the same as `joint`.
         let Some(target) = a.text("joint").or_else(|| a.text("jointinparent")) else {
             return Err(ctx.invalid(at, format!("{label} drives nothing"), "add joint=\"...\""));
         };
@@ -198,6 +202,7 @@ impl ActuatorForm {
                     "give the joint a range, or the actuator a `ctrlrange`",
                 ));
             };
+            // MuJoCo widens the joint's range about its middle by this factor.
             let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * self.inherit_range);
             ctrlrange = [mean - radius, mean + radius];
         }

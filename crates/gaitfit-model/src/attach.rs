@@ -54,8 +54,10 @@ fn assembled(
     let mut models = HashMap::new();
     let assets = document.children.iter().filter(|section| section.name == "asset");
     for model in assets.flat_map(|section| &section.children).filter(|child| child.name == "model") {
+        // The loader has put the other document below the <model> that names it.
         let Some(root) = model.children.first() else { continue };
         let name = model.get("name").or(root.get("model")).unwrap_or("").to_owned();
+        // Without a name of its own a model goes by the name that its file states.
         models.insert(name, root);
     }
     let mut compiler = Compiler::default();
@@ -118,6 +120,7 @@ impl Attacher<'_, '_, '_> {
         if self.nesting >= MAX_NESTING {
             return Err(self.ctx.too_many(at, "models attached to each other", MAX_NESTING));
         }
+        // The other file may attach files itself, which are put into it first.
         let other = assembled(self.ctx, root, self.nesting + 1, self.elements)?;
         self.check_compiler(&other, at)?;
         let mut parts = Vec::new();
@@ -169,6 +172,7 @@ impl Attacher<'_, '_, '_> {
         names: &mut HashSet<String>,
         depth: usize,
     ) -> Result<(), ModelError> {
+        // Files that attach each other multiply: the count bounds what a few lines can grow to.
         *self.elements += 1;
         if *self.elements > MAX_NODES || depth > MAX_DEPTH {
             return Err(self.ctx.too_many(element.at, "elements with those of <attach>", MAX_NODES));
@@ -204,12 +208,14 @@ impl Attacher<'_, '_, '_> {
         for section in &other.children {
             let mut copy = section.clone();
             match section.name.as_str() {
+                // The other file's classes come below its `main`, which is called `{prefix}main` here.
                 "default" => {
                     for child in &mut copy.children {
                         self.rename(child, prefix, &mut HashSet::new(), 3)?;
                     }
                     main.children.extend(copy.children);
                 }
+                // Classes that the other file has got from a file that it attaches itself.
                 APART => {
                     self.rename(&mut copy, prefix, &mut HashSet::new(), 2)?;
                     self.sections.push(copy);
@@ -231,6 +237,7 @@ impl Attacher<'_, '_, '_> {
                 name if REFERRING.contains(&name) => {
                     let mut kept = Vec::new();
                     for mut element in std::mem::take(&mut copy.children) {
+                        // `refer` comes first, because it also puts the prefix before the references.
                         if refer(&mut element, prefix, names) || whole {
                             self.rename(&mut element, prefix, &mut HashSet::new(), 3)?;
                             for name in element.attributes.iter_mut().filter(|one| one.name == "name") {
@@ -294,6 +301,7 @@ fn refer(element: &mut Element, prefix: &str, names: &HashSet<String>) -> bool {
         "refname",
         "cranksite",
     ];
+    // An element that also refers to something left behind would name nothing here.
     let (mut any, mut lost) = (false, false);
     for attribute in element.attributes.iter_mut().filter(|one| REFERENCES.contains(&one.name.as_str())) {
         match names.contains(&attribute.value) {

@@ -31,6 +31,7 @@ impl Context<'_> {
     }
 
     fn list(&mut self, at: At, what: String, why: String, harmless: bool) {
+        // What is harmless is left out of a full list; `refuse` makes an error of one.
         if self.dropped.len() < MAX_DROPPED {
             let place = self.sources.place(at);
             self.dropped.push(Dropped { what, why, line: place.line, column: place.column, harmless });

@@ -118,6 +118,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                     }
                     mass.explicit = Some(read_inertial(self.ctx, child, self.compiler.units)?);
                 }
+                // All of them together are the free joint that `read_body` has noted.
                 "joint" if self.bodies[scope.body].free.is_some() && floats_by_parts(element) => {}
                 "joint" => self.read_joint(child, scope)?,
                 "freejoint" => {
@@ -177,6 +178,7 @@ impl<'c, 's> BodyReader<'c, 's> {
     }
 
     fn read_body(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
+        // The world is in the list too.
         if self.bodies.len() > MAX_BODIES {
             return Err(self.ctx.too_many(element.at, "bodies", MAX_BODIES));
         }
@@ -202,6 +204,7 @@ impl<'c, 's> BodyReader<'c, 's> {
         }
         self.bodies.push(body);
         let mut mass = MassSources::default();
+        // Frames end at a body: what it holds is placed in the body's own axes.
         let inner = Scope { body: index, class, frame: ([0.0; 3], IDENTITY) };
         self.read_children(element, inner, &mut mass)?;
         self.bodies[index].inertial = self.settle_mass(element, index, pose, mass)?;
@@ -233,6 +236,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                 if !counts {
                     continue;
                 }
+                // Meshes are measured only where they are needed: that reads their files.
                 let of_mesh = || {
                     let geom = self.bodies[index].geoms.get(place).filter(|_| self.ctx.weighs_meshes);
                     geom.and_then(|geom| weigh(geom, source.weight))
@@ -333,6 +337,7 @@ impl<'c, 's> BodyReader<'c, 's> {
             let (pos, quat) = compose(scope.frame, (p.pos, p.quat));
             Inertial { pos, quat, ..p }
         });
+        // An <inertial> may come after the geoms, so the answers for both cases are kept.
         let counts = |explicit| form.counts(self.compiler, explicit);
         mass.geoms.push(MassSource {
             part,

@@ -182,6 +182,7 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
             continue;
         }
         moving.push(index);
+        // Of several the one with most joints, and the first of equals.
         if best.is_none_or(|(_, max)| joints > max) {
             best = Some((index, joints));
         }
@@ -228,6 +229,7 @@ fn free_joint(spec: &Spec, root: usize) -> Option<FreeJoint> {
 fn weld_roots(spec: &Spec, root: usize, floating: bool, member: &[bool]) -> Vec<usize> {
     let mut welds = vec![0; spec.bodies.len()];
     for (index, body) in spec.bodies.iter().enumerate().skip(1) {
+        // Parents come before their children, so the parent's weld is known.
         let moves = if index == root {
             floating || !body.joints.is_empty()
         } else {

@@ -63,6 +63,7 @@ pub(crate) fn candidates(
             _ => false,
         }
     };
+    // A part of the robot that is fixed to the world cannot come closer to the ground.
     let touches = |g: usize| {
         let (body, geom) = geoms[g];
         robot[body] && welds[body] != 0 && matches!(geom.kind, GeomKind::Solid(_))
@@ -72,6 +73,7 @@ pub(crate) fn candidates(
     let mut refused = HashSet::new();
     for (number, pair) in spec.pairs.iter().enumerate() {
         let [a, b] = pair.geoms;
+        // An explicit pair stands in the place of the one that the contact bits would make.
         explicit.insert((a.min(b), a.max(b)));
         let (ground, geom) = if is_ground(a) { (a, b) } else { (b, a) };
         if is_ground(ground) && touches(geom) && computed(ctx, geoms[geom].1, geoms[ground].1, &mut refused)?
@@ -196,6 +198,7 @@ pub(crate) fn self_collisions(spec: &Spec, welds: &[usize], robot: &[bool]) -> u
         .collect();
     let parent_weld = |body: usize| welds[spec.bodies[welds[body]].parent];
     let excluded: HashSet<(usize, usize)> = spec.excludes.iter().copied().collect();
+    // Explicit pairs count whatever bits and filters say.
     let mut count = spec
         .pairs
         .iter()

@@ -69,6 +69,8 @@ impl Model {
     /// As [`Model::couple`], except for the joints `stated`, by index.
     pub fn couple_others(&self, positions: &mut [f64], stated: &[usize]) {
         // A leader may follow another joint, whose coupling may come later.
+        // As many turns as there are couplings settle the longest chain, so this ends also where joints
+        // follow in a ring.
         for _ in 0..self.couplings.len() {
             let mut moves = false;
             for coupling in self.couplings.iter().filter(|coupling| !stated.contains(&coupling.follower)) {
@@ -178,6 +180,7 @@ pub(crate) fn read_couplings<'e>(
         };
         let leader = a.text("joint2").filter(|name| !name.is_empty());
         a.finish(ctx)?;
+        // MuJoCo can switch an inactive one on while it runs; here nothing does.
         if !form.inactive {
             all.push(NamedCoupling::new(element.at, follower, leader, polynomial, &form));
         }
@@ -196,6 +199,7 @@ pub(crate) fn resolve(
 ) -> Result<Vec<Coupling>, ModelError> {
     let mut numbers: HashMap<&str, usize> = HashMap::new();
     for (number, (joint, _)) in bodies.iter().flat_map(|body| &body.joints).enumerate() {
+        // Names used twice are refused later; until then the first one counts, as in other look-ups.
         numbers.entry(&joint.name).or_insert(number);
     }
     let mut kept: Vec<Coupling> = Vec::new();
@@ -245,6 +249,7 @@ fn leads_back(follower: usize, leader: Option<usize>, kept: &[Coupling]) -> bool
         if joint == follower {
             return true;
         }
+        // A joint may be reached on several ways, and is followed once.
         if !seen.contains(&joint) {
             seen.push(joint);
             let leaders = kept.iter().filter(|coupling| coupling.follower == joint);
@@ -258,6 +263,7 @@ fn leads_back(follower: usize, leader: Option<usize>, kept: &[Coupling]) -> bool
 pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
     let all = spec.couplings.iter().filter_map(|coupling| {
         let follower = joint_numbers[coupling.follower]?;
+        // A coupling goes with its leader if that belongs to a body that was dropped.
         let leader = match coupling.leader {
             Some(leader) => Some(joint_numbers[leader]?),
             None => None,

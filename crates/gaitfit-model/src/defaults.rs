@@ -102,6 +102,7 @@ impl Defaults {
         let name = a.text("class").unwrap_or("");
         let at = a.at("class");
         let index = match parent {
+            // The classes of an attached file have a top of their own beside `main`.
             None if element.name == APART => {
                 if self.classes.len() >= MAX_CLASSES || self.names.contains_key(name) {
                     let message =

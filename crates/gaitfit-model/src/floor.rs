@@ -16,9 +16,9 @@ use crate::xml::{At, Element};
 /// Name of a floor that no contact pair names.
 const NAME: &str = "floor";
 
-/// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has neither a plane nor
-/// a height field. Where
-/// a contact pair names a geom that is not there, as the floor of a scene, the plane has this name.
+/// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has neither a
+/// plane nor a height field. Where a contact pair names a geom that is not there, as the floor of a scene, the plane
+/// has this name.
 pub(crate) fn add_floor(
     ctx: &mut Context,
     document: &Element,
@@ -51,6 +51,7 @@ pub(crate) fn add_floor(
         format!("floor \"{}\"", shown(&name)),
         format!("added{for_pairs}: the plane z = 0, friction {friction}; the file has no floor"),
     );
+    // The floor is at no place of the file, which line 0 says.
     if let Some(change) = ctx.changed.last_mut() {
         (change.line, change.column) = (0, 0);
     }

@@ -92,6 +92,7 @@ impl GeomForm {
             self.mesh_name = Some(name.to_string());
         }
         if let Some(name) = a.text("hfield") {
+            // As with a mesh, the size is the asset's.
             self.mesh = true;
             self.field = Some(name.to_string());
         }
@@ -158,6 +159,7 @@ impl GeomForm {
                 ctx.invalid(at, format!("{}: the points of `fromto` coincide", element.label()), "move one")
             })?;
             let half = dot(along, along).sqrt() / 2.0;
+            // The half length is the third size of a box, and the second of a capsule.
             size = if matches!(type_name, "box" | "ellipsoid") {
                 [size[0], size[0], half]
             } else {
@@ -172,6 +174,7 @@ impl GeomForm {
             "box" | "ellipsoid" => 3,
             _ => 0,
         };
+        // A shape that is fitted to a mesh gets its size from it.
         if !self.mesh && size[..needed].iter().any(|s| *s <= 0.0) {
             return Err(ctx.invalid(
                 at,
@@ -215,6 +218,7 @@ impl GeomForm {
         let name = self.field.as_deref().unwrap_or("");
         match fields.names.get(name) {
             Some(Ok(field)) => return Ok(GeomKind::Field(*field)),
+            // What is only seen needs no heights.
             Some(Err(_)) if self.surface.is_visual() => {}
             Some(Err(why)) => {
                 let what = format!("height field \"{}\"", shown(name));
@@ -242,6 +246,7 @@ impl GeomForm {
         if massless || kind == GeomKind::Plane || self.field.is_some() {
             return Ok(Some(MASSLESS));
         }
+        // A mesh is weighed only where its mass is needed, which the body decides.
         let Some(solid) = solid else { return Ok(None) };
         if self.shell {
             let what = format!("`shellinertia` of {}", element.label());

@@ -187,6 +187,7 @@ pub(crate) fn resolve_range(
     range: [f64; 2],
     compiler: &Compiler,
 ) -> Result<Option<[f64; 2]>, ModelError> {
+    // MuJoCo's default, which stands for no range.
     let given = range != [0.0; 2];
     let on = match LIMITED[limited] {
         "true" => true,

@@ -19,6 +19,7 @@ pub(crate) fn fill_keyframes(
     let joints = model.joints.len();
     let rest: Vec<f64> = model.joints.iter().map(|j| j.reference).collect();
     let base: Vec<f64> = body.pos.iter().chain(&body.quat).copied().collect();
+    // A keyframe is as long as the file's own root makes it, whatever the caller wants of the root.
     let (base_q, base_v) = if in_file == Root::Floating { (7, 6) } else { (0, 0) };
     for key in &spec.keys {
         let whole = |joint_part: &[f64]| -> Vec<f64> {
@@ -44,6 +45,7 @@ pub(crate) fn fill_keyframes(
             base_pose[3..].copy_from_slice(&quat);
         }
         let (mut base_vel, joint_vel) = (qvel[..base_v].to_vec(), &qvel[base_v..]);
+        // A caller may clamp a floating robot, or let a fixed one float.
         match (in_file, model.root) {
             (Root::Floating, Root::Fixed) => {
                 base_pose.clear();

@@ -99,6 +99,7 @@ impl Reach {
 
     /// Height of the centre above the lowest point, m, for the body at orientation `body` (wxyz).
     pub fn drop(&self, body: Quat) -> f64 {
+        // These shapes are sums of segments, a disk and a ball, and so are their reaches in any direction.
         let rise = |edge: Vec3| rotate(body, edge)[2].abs();
         let edges = rise(self.edges[0]) + rise(self.edges[1]) + rise(self.edges[2]);
         let slope = rotate(body, self.axis)[2];
@@ -121,6 +122,7 @@ pub fn standing_height(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
         lowest = lowest.min(lowest_point(geom, &frames[geom.body]));
     }
     let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
+    // Without a pair nothing can touch, and the base's origin is put on the ground.
     if lowest.is_finite() { ground - lowest } else { ground }
 }
 

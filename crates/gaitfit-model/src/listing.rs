@@ -59,6 +59,7 @@ impl Model {
         let named = |(group, kind): (LeftOut, String)| match group.count {
             1 => group,
             count => {
+                // The name stands between the first two quotation marks.
                 let first = group.what.split('"').nth(1).filter(|_| !group.harmless);
                 let such = first.map(|name| format!(", such as \"{name}\"")).unwrap_or_default();
                 LeftOut { what: format!("{}{such}", plural(count, &kind)), ..group }
@@ -128,6 +129,7 @@ impl Model {
             let clamp = self.joints[joint].actuatorfrcrange;
             let actuators = self.actuators.iter().filter(|actuator| actuator.joint == joint);
             let ranges = actuators.flat_map(|actuator| {
+                // The control of a servo is a position or a velocity, so its range bounds no torque.
                 [actuator.ctrlrange.filter(|_| actuator.bias == [0.0; 3]), actuator.forcerange]
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
@@ -166,6 +168,7 @@ impl Model {
 /// The kind of a thing, without its name: `visual mesh` of `geom "shell" (mesh, visual)`.
 fn kind(what: &str) -> String {
     let mut bare = String::new();
+    // Between two quotation marks stands a name: every second part.
     for (index, part) in what.split('"').enumerate() {
         if index % 2 == 0 {
             bare.push_str(if index > 0 { part } else { part.trim_end() });

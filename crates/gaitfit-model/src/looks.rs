@@ -159,6 +159,7 @@ impl Files {
 
     /// The number of a mesh.
     fn take(&mut self, file: &MeshFile) -> Option<usize> {
+        // The same file with another scale or frame is another mesh.
         let key = format!("{file:?}");
         if let Some(known) = self.known.get(&key) {
             return *known;

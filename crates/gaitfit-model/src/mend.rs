@@ -43,6 +43,7 @@ fn of_mesh(mesh: &MeshFile, weight: Weight) -> Option<Inertial> {
         Weight::Mass(mass) => mass,
         Weight::Density(density) => density * measure.volume,
     };
+    // A stated mass is spread evenly over the volume.
     let density = mass / measure.volume;
     let inertia = measure.moments.map(|moment| density * moment);
     (mass.is_finite() && mass > 0.0).then_some(Inertial {
@@ -133,6 +134,7 @@ fn shapes(body: &BodySpec) -> Vec<Inertial> {
         _ => weigh(geom, Weight::Density(DENSITY)),
     });
     let mut parts: Vec<Inertial> = solids.collect();
+    // Shapes that are only seen count where the link has none that collides.
     for colliding in [true, false] {
         if parts.is_empty() {
             let outlines = body.outlines.iter().filter(|outline| outline.colliding == colliding);

@@ -30,10 +30,12 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     let mut a = Attributes::new(document);
     let name = a.text("model").filter(|name| !name.is_empty()).map(str::to_string);
     a.finish(ctx)?;
+    // First, because it says how all other numbers are to be read.
     let mut compiler = Compiler::default();
     for section in document.children.iter().filter(|child| child.name == "compiler") {
         compiler.read(ctx, section)?;
     }
+    // Before copies are made: what is attached may hold <replicate> itself.
     let attached = attached(ctx, document)?;
     let document = attached.as_ref().unwrap_or(document);
     let expanded = expand(ctx, document, &compiler)?;
@@ -62,6 +64,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         reader.read_world(section)?;
     }
     let mut bodies = reader.bodies;
+    // Before the contacts, which may name it.
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
     let named =
         if disabled.equality { Vec::new() } else { read_couplings(ctx, sections("equality"), &defaults)? };
@@ -106,6 +109,7 @@ fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError>
     }
     let count = section.children.len();
     match name {
+        // An empty section asks for nothing.
         _ if count == 0 && ["sensor", "equality", "tendon", "deformable", "extension"].contains(&name) => {
             Ok(())
         }

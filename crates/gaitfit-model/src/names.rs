@@ -58,6 +58,7 @@ fn unique(ctx: &Context, kind: &str, names: Vec<(&mut String, At)>) -> Result<()
             ));
         }
     }
+    // Only now are all names of the file known that a made-up one must differ from.
     for (index, (name, _)) in names.into_iter().enumerate() {
         if name.is_empty() {
             let mut made = format!("{kind}{index}");

@@ -112,6 +112,7 @@ impl Compiler {
             let at = a.at("fusestatic");
             ctx.drop_quietly(at, "`fusestatic`", "bodies without joints are kept; the dynamics are the same");
         }
+        // The later one counts: `meshdir` is more precise than `assetdir`.
         for name in ["assetdir", "meshdir"] {
             if let Some(folder) = a.text(name) {
                 self.mesh_folder = folder.to_string();
@@ -246,6 +247,7 @@ fn read_flag(
     off(&mut a, ctx, "gravity", &mut disabled.gravity)?;
     off(&mut a, ctx, "clampctrl", &mut disabled.clampctrl)?;
     off(&mut a, ctx, "filterparent", &mut disabled.filterparent)?;
+    // These two switch off whole families, whatever the flags of their members say.
     if constraint {
         disabled.contact = true;
         disabled.equality = true;
@@ -265,6 +267,7 @@ fn read_flag(
         }
     }
     for name in ["override", "diagexact", "fwdinv"] {
+        // `fwdinv` only compares forward with inverse dynamics, which leaves the motion as it is.
         if a.word(ctx, name, &SWITCH)? == Some(1) && name != "fwdinv" {
             ctx.refuse(a.at(name), format!("flag {name}=\"enable\""), "not implemented", "remove it")?;
         }

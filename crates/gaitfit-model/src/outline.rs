@@ -173,6 +173,7 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
     if let Some(package) = package {
         let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
         for above in absolute.ancestors().take(MAX_FOLDERS) {
+            // The package is a folder of that name, or a folder above under another name.
             places.push(above.join(package).join(rest));
             places.push(above.join(rest));
         }

@@ -48,6 +48,7 @@ pub(crate) fn read_contact(
                 let mut ends = [0; 2];
                 for (end, name) in ends.iter_mut().zip(["body1", "body2"]) {
                     let wanted = a.text(name).unwrap_or("");
+                    // Bodies without a name get one later; an absent attribute must not find them.
                     let number = bodies.iter().position(|b| !b.name.is_empty() && b.name == wanted);
                     *end = number.ok_or_else(|| unknown(ctx, child, "body", wanted))?;
                 }

@@ -50,6 +50,7 @@ pub(crate) fn outlines(path: &Path) -> Result<Vec<(String, Vec<Outline>)>, Model
     let mut sources = Sources::default();
     let document = xml::load(path, &mut sources)?;
     let options = ReadOptions { lenient: true, mend: true, ..ReadOptions::default() };
+    // Pictures need no masses, and weighing would read each mesh once more.
     let mut ctx = Context { weighs_meshes: false, ..context(&sources, &options) };
     let (mut spec, _) = content(&mut ctx, &document, None)?;
     name_everything(&ctx, &mut spec)?;

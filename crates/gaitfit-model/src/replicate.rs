@@ -43,6 +43,7 @@ pub(crate) fn expand(
         };
         expanded.children.push(Element { children, ..section.clone() });
     }
+    // Only now are all copies known to which these sections may refer.
     for section in expanded.children.iter_mut().filter(|one| REFERRING.contains(&one.name.as_str())) {
         expander.refer(section)?;
     }
@@ -75,6 +76,7 @@ impl Expander<'_, '_> {
             if let Some(copy) = copy {
                 let copy = &mut self.copies[copy];
                 for name in copied.attributes.iter_mut().filter(|attribute| attribute.name == "name") {
+                    // Other sections refer to it by the name without the suffix.
                     copy.names.insert(name.value.clone());
                     name.value.push_str(&copy.suffix);
                 }
@@ -121,11 +123,13 @@ impl Expander<'_, '_> {
             };
             let mut quat = IDENTITY;
             read_orientation(&mut Attributes::new(&frame), self.ctx, self.compiler.units, &mut quat)?;
+            // Inside another copy the inner number comes before the outer one.
             let suffix = format!("{separator}{number:0digits$}{after}");
             self.copies.push(Copy { suffix, names: HashSet::new() });
             let copy = self.copies.len() - 1;
             frame.children = self.children(element, Some(copy))?;
             frames.push(frame);
+            // The next copy stands one offset further, along the axes of this one.
             pose = compose((pose.0, quat), (offset, IDENTITY));
         }
         Ok(frames)
@@ -139,6 +143,7 @@ impl Expander<'_, '_> {
             element.attributes.iter().any(named)
                 || element.children.iter().any(|inner| inner.attributes.iter().any(named))
         };
+        // An element that refers to something copied exists only as copies.
         let (copied, mut kept): (Vec<Element>, Vec<Element>) = std::mem::take(&mut section.children)
             .into_iter()
             .partition(|element| self.copies.iter().any(|copy| refers(element, copy)));

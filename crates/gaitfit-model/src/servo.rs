@@ -12,6 +12,7 @@ use crate::rotation::{Vec3, dot, product};
 
 /// Replaces positive third bias parameters of position-like actuators by the damping they stand for.
 pub(crate) fn resolve_damping_ratios(model: &mut Model) {
+    // MuJoCo marks a ratio so: a velocity bias above zero, where that of a damper is below.
     let is_ratio = |gain: f64, bias: [f64; 3]| gain == -bias[1] && bias[2] > 0.0;
     if !model.actuators.iter().any(|a| is_ratio(a.gain, a.bias)) {
         return;

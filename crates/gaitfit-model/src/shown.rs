@@ -81,6 +81,7 @@ const ALIKE: f64 = 0.75;
 /// as it is if none is like it.
 pub fn with_meant(message: &str) -> String {
     let message = message.trim_end();
+    // Every second part stands in backquotes: the unknown name, then the known ones.
     let mut quoted = message.split('`').skip(1).step_by(2);
     let (Some(unknown), true) = (quoted.next(), message.starts_with("unknown ")) else {
         return message.to_owned();
@@ -112,6 +113,7 @@ pub fn escaped(text: &str, max: usize) -> String {
             out.push_str("...");
             return out;
         }
+        // The last place that leaves room for the dots.
         if count + 3 <= max {
             cut = out.len();
         }

@@ -157,8 +157,10 @@ impl Model {
     pub fn effort(&self, index: usize) -> Option<f64> {
         let joint = self.joints.get(index)?;
         let clamp = joint.actuatorfrcrange.map(symmetric);
+        // One actuator without a bound leaves the whole sum without one.
         let mut sum = Some(0.0);
         for actuator in self.actuators.iter().filter(|a| a.joint == index) {
+            // The control of a servo is no torque, so its range bounds none.
             let by_control = actuator
                 .ctrlrange
                 .filter(|_| actuator.bias == [0.0; 3])

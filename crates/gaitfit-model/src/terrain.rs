@@ -164,6 +164,7 @@ fn read_field(
             Err(why) => return Ok(Err(why)),
         }
     };
+    // The engine looks for the nearest point around an inner vertex, so there must be one.
     if rows < 3 || columns < 3 {
         return Ok(Err(format!("it has {rows} × {columns} vertices; give at least 3 × 3")));
     }

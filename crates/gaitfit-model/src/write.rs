@@ -58,6 +58,7 @@ impl Model {
                 line + "/>"
             }),
         );
+        // MJCF has no attribute for speed limits: they go into a tuple that the reader knows.
         let limits = self.joints.iter().filter_map(|joint| Some((joint, joint.velocity_limit?)));
         let limits: Vec<String> = limits
             .map(|(joint, limit)| {

@@ -310,12 +310,14 @@ impl Loader<'_> {
             });
         }
         let path = base.join(wanted);
+        // The place of the <include> tells the user more than the name of a file that is not there.
         let text = self.read(&path).map_err(|error| match error {
             ModelError::Io { source, .. } => {
                 invalid(format!("cannot include {}: {source}", shown_path(&path)), "correct the file name")
             }
             other => other,
         })?;
+        // Canonical, so that another spelling of the same path is found too.
         if !self.seen.insert(canonical(&path)) {
             return Err(invalid(
                 format!("{} is included twice, or includes itself", shown_path(&path)),

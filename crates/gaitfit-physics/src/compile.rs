@@ -39,6 +39,8 @@ pub(crate) fn compile_with<T: Real>(
     check_steps(settings)?;
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    // Bodies without joints are welded: `seats` names each body's link, `mounts` places each link on its
+    // parent.
     let (seats, mounts) = seats(model);
     let floating = model.root == Root::Floating;
 
@@ -49,10 +51,13 @@ pub(crate) fn compile_with<T: Real>(
     let planes = model.planes.iter().map(|plane| ground_plane(&plane.pos, &plane.quat)).collect::<Vec<_>>();
     let ground = Grounds { planes: &planes, obstacles: &obstacles };
     let mut ranges = Vec::with_capacity(mounts.len() + 1);
+    // Pairs go by link, so that a link's pairs are a range. `Robot::params` lists their inverse inertias in
+    // this order.
     for link in 0..=mounts.len() {
         let first = pairs.len();
         for (index, pair) in contacts.iter().enumerate() {
             let seat = seats[model.geoms[pair.geom].body];
+            // Geoms on a fixed root cannot move towards the ground.
             if seat.link == link && (link > 0 || floating) {
                 let pair = compile_pair::<T>(model, index, pair, &seat, &ground, settings, points)?;
                 points = pair.points.end;
@@ -68,9 +73,11 @@ pub(crate) fn compile_with<T: Real>(
         links.push(compile_link::<T>(mount, joint, settings, ranges[number + 1].clone())?);
     }
     links[0].pairs = ranges[0].clone();
+    // Before the segments: the joints of a near coupling must come into one of them.
     let spans = coupling::Spans::new(model, &links);
     let (mut segments, nodes) = segment(&links, &spans.near);
     let couplings = coupling::compile::<T>(model, settings, &spans, &mut segments)?;
+    // Couplings are sorted by segment; those beyond the last segment's range are distant.
     let first_distant = segments.last().map_or(0, |segment| segment.couplings.end);
     let (mut touching, spins) = touching(&mut links, &segments, &mut pairs);
     let self_contact = self_contact::compile::<T>(
@@ -145,7 +152,9 @@ fn compile_link<T: Real>(
 ) -> Result<Link<T::K>, PhysicsError> {
     let k = |x: f64| T::constant(x);
     let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    // A link without a turn saves the step a product of matrices.
     let identity = turn.iter().flatten().zip(IDENTITY.iter().flatten()).all(|(a, b)| a == b);
+    // MuJoCo's D is d / ((1 − d) · invweight). The inverse weight is the robot's own and enters in each step.
     let friction_impedance = impedance_at_zero(&joint.solimp_friction);
     let (_, friction_b, gain) = reference(&joint.solref_friction, joint.solimp_friction[1], settings);
     Ok(Link {
@@ -193,6 +202,7 @@ fn touching<K>(
         link.touching = Some(touching.len());
         touching.push((index, home));
         for pair in &mut pairs[link.pairs.clone()] {
+            // The root belongs to no segment: its pairs act on node 0 itself.
             pair.member = home.map_or(0, |home| index - segments[home].first);
             pair.node = home.map_or(0, |home| segments[home].parent);
             if pair.condim > 3 {
@@ -216,11 +226,13 @@ fn segment<K>(links: &[Link<K>], coupled: &[RangeInclusive<usize>]) -> (Vec<Segm
         children[link.parent] += 1;
     }
     let mut segments: Vec<Segment> = Vec::new();
+    // The root is always the first node.
     let mut nodes = vec![0];
     // Segment of each link.
     let mut home = vec![usize::MAX; links.len()];
     for i in 1..links.len() {
         let parent = links[i].parent;
+        // A segment goes on along a chain without branches while there is room for the whole span.
         let continues =
             parent > 0 && children[parent] == 1 && segments[home[parent]].len + span(i) <= SEGMENT;
         if continues {
@@ -230,6 +242,7 @@ fn segment<K>(links: &[Link<K>], coupled: &[RangeInclusive<usize>]) -> (Vec<Segm
             segment.pairs.end = links[i].pairs.end;
             continue;
         }
+        // The parent becomes a node when the first segment hangs on it.
         let node = nodes.iter().position(|&link| link == parent).unwrap_or_else(|| {
             segments[home[parent]].node = Some(nodes.len());
             nodes.push(parent);
@@ -264,6 +277,7 @@ fn root_link<T: Real>() -> Link<T::K> {
 
 fn compile_limit<T: Real>(joint: &Joint, settings: &Settings) -> Result<Option<Limit<T::K>>, PhysicsError> {
     let Some([lower, upper]) = joint.range else { return Ok(None) };
+    // The step has one limit row a joint, so both limits must never be active at once.
     if upper - lower < 2.0 * joint.margin {
         return Err(PhysicsError::NarrowRange { joint: joint.name.clone() });
     }
@@ -281,6 +295,7 @@ fn compile_limit<T: Real>(joint: &Joint, settings: &Settings) -> Result<Option<L
 fn ground_plane(pos: &[f64; 3], quat: &[f64; 4]) -> (M3<f64>, f64) {
     let r = quat_matrix(quat);
     let normal = [r[0][2], r[1][2], r[2][2]];
+    // The first tangent by Gram–Schmidt from y, or from z where the normal is near y (`mju_makeFrame`).
     let guess = if normal[1].abs() < 0.5 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };
     let t1 = unit(axpy(-dot(normal, guess), normal, guess));
     ([normal, t1, cross(normal, t1)], dot(normal, *pos))
@@ -309,6 +324,7 @@ fn compile_pair<T: Real>(
     }
     let rotation = mat_mul(&seat.rotation, &quat_matrix(&geom.quat));
     let column = |j: usize| [rotation[0][j], rotation[1][j], rotation[2][j]];
+    // `count` is the number of points that MuJoCo gives the shape on a plane.
     let (shape, radius, reach, count) = match geom.shape {
         Shape::Sphere { radius } => (LinkShape::Sphere, radius, radius, 1),
         Shape::Capsule { radius, half_length } => (
@@ -338,12 +354,14 @@ fn compile_pair<T: Real>(
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     // A pyramid's edges mix normal and tangent, so they have one reference.
     let separate = elliptic && pair.solreffriction != [0.0; 2];
+    // MuJoCo reads zeros as the reference of the normal.
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let isotropic = pair.friction[0] == pair.friction[1];
     let touched = match pair.ground {
         Ground::Plane(plane) => Touched::Plane(plane),
         Ground::Obstacle { obstacle } => ground.obstacles.touched(model, geom, obstacle)?,
     };
+    // Where the normal is the world's z, rows need no turn into the contact's frame.
     let level = matches!(touched, Touched::Plane(plane) if ground.planes[plane].0[0] == [0.0, 0.0, 1.0]);
     // A capsule turns the tangents with its axis, which a pyramid or an anisotropic ellipse can tell.
     let turned = matches!(geom.shape, Shape::Capsule { .. }) && !(elliptic && isotropic);
@@ -363,6 +381,7 @@ fn compile_pair<T: Real>(
         aligned: level && (pair.condim == 1 || (pair.condim == 3 && !turned)),
         margin: k(pair.margin),
         impedance: impedance(&pair.solimp, k, &name)?,
+        // A point's row is computed from 1/D, so it takes the reciprocal of the gain.
         reference: Reference { k: k(stiffness), b: k(damping), gain: k(1.0 / gain) },
         friction_b: k(reference(&friction_ref, dmax, settings).1),
         points: first_point..first_point + count,

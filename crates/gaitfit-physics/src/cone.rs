@@ -16,6 +16,7 @@ pub(crate) fn pyramid3<T: Real>(condim: usize, mu: &[T; 5], d: T, j: V3<T>) -> (
         return ([s * j[0], z, z], [s, z, z, z, z, z]);
     }
     let (m1, m2) = (mu[0], mu[1]);
+    // Residuals of the four edges n ± μt. An edge acts only while its residual is negative.
     let e = [m1.fma(j[1], j[0]), m1.fnma(j[1], j[0]), m2.fma(j[2], j[0]), m2.fnma(j[2], j[0])];
     let s0 = T::select_lt(e[0], z, d, z);
     let s1 = T::select_lt(e[1], z, d, z);
@@ -47,6 +48,7 @@ pub(crate) fn pyramid3_line<T: Real>(
         return (p.fma(j[0], g.0), p.fma(step[0], g.1));
     }
     let (m1, m2) = (mu[0], mu[1]);
+    // The cost is a sum over the four edges, each a parabola on its negative side and zero on the other.
     let (mut first, mut second) = (z, z);
     for (m, k, sign) in [(m1, 1, true), (m1, 1, false), (m2, 2, true), (m2, 2, false)] {
         let (e, p) = if sign {
@@ -67,6 +69,7 @@ pub(crate) fn pyramid<T: Real>(condim: usize, mu: &[T; 5], d: T, j: &[T; 6]) -> 
     let z = T::zero();
     let mut force = [z; 6];
     let mut w = [[z; 6]; 6];
+    // Each tangent brings two edges: n + μt and n − μt.
     for k in 1..condim {
         let m = mu[k - 1];
         let plus = m.fma(j[k], j[0]);
@@ -97,6 +100,7 @@ pub(crate) fn pyramid_line<T: Real>(
     for k in 0..condim {
         j[k] = alpha.fma(step[k], j[k]);
     }
+    // Within a piece the cost is quadratic: its slope is force · step, its curvature stepᵀ W step.
     let (force, w) = pyramid(condim, mu, d, &j);
     for k in 0..condim {
         let mut row = T::zero();
@@ -138,10 +142,13 @@ impl<T: Real> Ellipse<T> {
     fn new(mu: T, impratio: f64, d: T, j0: T, t2: T) -> Self {
         let z = T::zero();
         let (regular, dm, bottom) = ellipse_stiffness(mu, impratio, d);
+        // n, t and the signs of n − μt and μn + t, which tell the zone ([`zone`]).
         let n = regular * j0;
         let t = t2.sqrt();
+        // A tangential residual of 0 has no direction; the bound keeps 1/t finite.
         let inverse = t.max(T::lit(1e-12)).recip();
         let (mt, mn_t) = (regular * t, regular.fma(n, t));
+        // Middle zone: the cost is ½ dm (n − mt)². These are parts of its first and second derivatives.
         let stiff = (dm * regular) * regular;
         let middle = (dm * regular) * (n - mt);
         let turn = ((dm * regular) * n) * inverse;
@@ -190,6 +197,7 @@ pub(crate) fn ellipse<T: Real>(
     let mut u = [z; 6];
     let mut t2 = z;
     for k in 1..condim {
+        // Each tangent scaled by its coefficient: the ellipse becomes a circle.
         u[k] = mu[k - 1] * j[k];
         t2 = u[k].fma(u[k], t2);
     }
@@ -253,6 +261,7 @@ pub(crate) fn ellipse_line<T: Real>(
     kinks: &mut Kinks<T>,
 ) -> (T, T) {
     let z = T::zero();
+    // u is the scaled tangential residual at `alpha`, v its derivative along the step.
     let (mut t2, mut uv, mut vv) = (z, z, z);
     for k in 1..condim {
         let u = mu[k - 1] * alpha.fma(step[k], j[k]);
@@ -265,21 +274,25 @@ pub(crate) fn ellipse_line<T: Real>(
     let j0 = alpha.fma(step[0], j[0]);
     let n = regular * j0;
     let t = t2.sqrt();
+    // As in [`Ellipse::new`].
     let inverse = t.max(T::lit(1e-12)).recip();
     let (mt, mn_t) = (regular * t, regular.fma(n, t));
     // The length t and its derivatives along the step; the second one is never negative.
     let t1 = uv * inverse;
     let t11 = t1.fnma(t1, vv).max(z) * inverse;
+    // Middle zone: half of dm times the squared gap n − mt, derived twice along the step.
     let (gap, gap1) = (n - mt, regular * (step[0] - t1));
     let first = dm * (gap * gap1);
     let second = dm * gap1.fma(gap1, -((gap * regular) * t11));
 
+    // |u| is smallest where u · v = 0. The bound serves steps without a tangential part.
     let ahead = -(uv.div(vv.max(T::lit(1e-30))));
     let kink = alpha + ahead;
     // Positive stiffness and a negative normal residual: it presses.
     let presses = d * ahead.fma(step[0], j0);
     // A largest and a smallest value over all contacts, in a form that code generators can share among limbs.
     let none = Kinks::none();
+    // A kink within 1 % of `alpha` is not told: the search is there already.
     let below = T::select_lt(kink, T::lit(0.99) * alpha, kink, none.below);
     kinks.below = T::select_lt(presses, z, below, none.below).max(kinks.below);
     let above = T::select_lt(T::lit(1.01) * alpha, kink, kink, none.above);

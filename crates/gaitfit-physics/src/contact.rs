@@ -74,11 +74,13 @@ separate! {
                     (center, tree.fields[field].at_least::<T>(add(center, origin)))
                 }
             };
+            // A pair that is out of reach in all lanes costs no more than this bound.
             let active = level.unless_ge(T::k(pair.reach));
             work.pairs[index].active = active;
             if !T::enter(active) {
                 continue;
             }
+            // A frictionless pair sets its first coefficient too, because it is handed to `row_scale`.
             for k in 0..(pair.condim - 1).max(1) {
                 let mu = params.robot.friction_scale * T::k(pair.friction[k]);
                 work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
@@ -95,10 +97,13 @@ separate! {
             for point in points {
                 let node = &work.nodes[segment.map_or(0, |segment| tree.segments[segment].parent)];
                 let (v, a) = (node.motion.velocity, node.jacobian_acceleration);
+                // Motion of the link's point: that of its node, and one column of the Jacobian a joint. The
+                // nodes' velocities lack the base's linear velocity, so it comes back here.
                 let mut velocity = [v[0], cross_add(v[0], point.x, add(v[1], origin_velocity))];
                 let mut acceleration = [a[0], cross_add(a[0], point.x, a[1])];
                 if let Some(segment) = segment {
                     let joint = tree.segments[segment].first - 1;
+                    // Joints of the segment further out do not move this link.
                     for k in 0..=pair.member {
                         let axis = work.segments[segment].axis[k];
                         let column = cross_add(axis[0], point.x, axis[1]);
@@ -126,6 +131,7 @@ pub(crate) fn row_scale<T: Real>(tree: &Tree<T::K>, condim: usize, friction: T, 
     if tree.elliptic || condim == 1 {
         weight
     } else {
+        // An edge's inverse inertia is (1 + μ²) · invweight; its R is 2μ²/impratio times that.
         let mu2 = friction * friction;
         (mu2 * T::lit(2.0 / tree.impratio.max(TINY))) * (mu2.fma(weight, weight))
     }
@@ -142,6 +148,7 @@ fn shape_points<T: Real>(
     points: &mut [Point<T>],
 ) {
     let normal = k3::<T>(&plane.frame[0]);
+    // A point lies halfway between the two surfaces: half the distance below the shape's, with this sign.
     let half = T::lit(-0.5);
     let radius = T::k(pair.radius);
     for point in points.iter_mut().filter(|_| !pair.aligned) {
@@ -175,6 +182,8 @@ fn shape_points<T: Real>(
             // The axis pointing into the plane.
             let down = T::select_lt(T::zero(), slope, T::lit(-1.0), T::lit(1.0));
             let (axis, slope) = (scale(down, axis), down * slope);
+            // From the axis towards the lowest point of the rim: the downward direction without its part
+            // along the axis.
             let across = sub(scale(slope, axis), normal);
             let length2 = dot(across, across);
             let tiny = T::lit(TINY * TINY);
@@ -185,6 +194,7 @@ fn shape_points<T: Real>(
             let drop = dot(rim, normal);
             let half_length = T::k(*half_length);
             let (axis, slope) = (scale(half_length, axis), half_length * slope);
+            // Two further points of the near rim, 120° to either side of the lowest one.
             let side = cross(rim, axis);
             let side_scale =
                 (radius * T::lit(3f64.sqrt() / 2.0)).div(dot(side, side).sqrt().max(T::lit(1e-30)));
@@ -205,6 +215,7 @@ fn shape_points<T: Real>(
             let a = rotate_k_add(&m.rotation, &edges[0], zero3());
             let b = rotate_k_add(&m.rotation, &edges[1], zero3());
             let c = rotate_k_add(&m.rotation, &edges[2], zero3());
+            // One corner of each opposite pair; the other is its negative.
             let corners = [add(add(a, b), c), sub(add(a, b), c), add(sub(a, b), c), sub(sub(a, b), c)];
             for index in 0..4 {
                 let rise = dot(normal, corners[index]);
@@ -229,6 +240,7 @@ fn obstacle_points<T: Real>(
 ) {
     let half = T::lit(-0.5);
     let radius = T::k(pair.radius);
+    // The half axis leads from the centre to an end. A sphere has the centre alone.
     let segment = match &pair.shape {
         LinkShape::Capsule { axis, half_length } => {
             scale(T::k(*half_length), rotate_k_add(&m.rotation, axis, zero3()))
@@ -242,6 +254,7 @@ fn obstacle_points<T: Real>(
         let Nearest { distance, normal } = match pair.touched {
             Touched::Block(block) => tree.blocks[block].nearest(x),
             Touched::Field(field) => tree.fields[field].nearest(x),
+            // Not reached: planes go to `shape_points`.
             Touched::Plane(_) => Nearest { distance: T::zero(), normal: zero3() },
         };
         let distance = distance - radius;
@@ -273,6 +286,7 @@ pub(crate) fn normal_frame<T: Real>(normal: V3<T>) -> M3<T> {
 fn axis_frame<T: Real>(normal: V3<T>, axis: V3<T>, plane: &GroundPlane<T::K>) -> M3<T> {
     let along = axpy(-dot(normal, axis), normal, axis);
     let length2 = dot(along, along);
+    // An axis along the normal has no direction in the plane: the plane's own tangent stands in for it.
     let tiny = T::lit(TINY);
     let by = T::lit(1.0).div(length2.max(tiny).sqrt());
     let fallback = k3::<T>(&plane.frame[1]);
@@ -303,6 +317,7 @@ impl<T: Real> Softness<T> {
         let (friction_b, gain) = (T::k(pair.friction_b), T::k(pair.reference.gain));
         let hard = Self { k, b, friction_b, gain };
         let soft = softness.unless_zero();
+        // Without extra softness the divisions below are skipped.
         if !T::enter(soft) {
             return hard;
         }
@@ -338,11 +353,14 @@ fn point_rows<T: Real>(
 ) {
     let depth = point.distance - T::k(pair.margin);
     let imp = impedance(&pair.impedance, depth);
+    // MuJoCo's R is (1 − imp)/imp times an estimate of the row's inverse inertia, and D is 1/R.
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
+    // A point that does not touch has D = 0: its row has neither force nor stiffness.
     point.d = T::select_lt(depth, T::zero(), d, T::zero());
     let v = components(pair, &point.frame, velocity[1]);
     let a = components(pair, &point.frame, acceleration[1]);
     let (b, bf) = (rows.b, rows.friction_b);
+    // Residual: J q̈ less the reference acceleration −b v − k imp depth. Friction rows have no spring.
     let spring = rows.k * (imp * depth);
     point.residual[0] = [b.fma(v[0], a[0] + spring), bf.fma(v[1], a[1]), bf.fma(v[2], a[2])];
     if pair.condim > 3 {
@@ -358,6 +376,7 @@ impl<T: Real> Work<T> {
         let mut force = T::zero();
         let active = self.pairs[pair].active;
         if T::enter(active) {
+            // Points hold the negative of the force.
             for k in tree.pairs[pair].points.clone() {
                 force = force - self.points[k].force[0][0];
             }

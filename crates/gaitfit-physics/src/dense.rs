@@ -73,6 +73,8 @@ pub(crate) fn bodies(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>)
 pub(crate) fn subspaces(tree: &Tree<f64>, bodies: &[Body]) -> Vec<(usize, V6<f64>)> {
     let mut all = Vec::with_capacity(tree.nv());
     if tree.floating {
+        // Translation along the world's axes, then turns about the base's own: its axes are the columns of
+        // its rotation.
         let r = bodies[0].motion.rotation;
         for k in 0..3 {
             let mut e = zero3();
@@ -112,6 +114,7 @@ fn at_zero_acceleration(state: &State<f64>) -> State<f64> {
 pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
     let bodies = bodies(tree, params, state);
     let mut composite: Vec<Rigid<f64>> = bodies.iter().map(|body| body.rigid).collect();
+    // Children come after their parents, so this order completes each composite before its parent takes it.
     for i in (1..composite.len()).rev() {
         let parent = tree.links[i].parent;
         composite[parent] = composite[parent].add(&composite[i]);
@@ -120,8 +123,10 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
     let n = axes.len();
     let mut m = vec![0.0; n * n];
     for (b, (link_b, axis_b)) in axes.iter().enumerate() {
+        // Force that accelerates all that joint b carries by one unit along its axis.
         let force = composite[*link_b].mul(*axis_b);
         for (a, (link_a, axis_a)) in axes.iter().enumerate().take(b + 1) {
+            // Joints of different branches have no inertia in common.
             if carries(tree, *link_a, *link_b) {
                 m[a * n + b] = dot6(*axis_a, force);
                 m[b * n + a] = m[a * n + b];
@@ -144,6 +149,7 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
 pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
     let bodies = bodies(tree, params, state);
     let mut wrenches: Vec<V6<f64>> = bodies.iter().map(|body| body.wrench).collect();
+    // From the outermost links inward, as for the mass matrix.
     for i in (1..wrenches.len()).rev() {
         let parent = tree.links[i].parent;
         wrenches[parent] = add6(wrenches[parent], wrenches[i]);
@@ -152,8 +158,10 @@ pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f
 }
 
 /// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`, contacts between own
-/// parts. Contacts have
-/// MuJoCo's tangents, also where the step takes others with the same cone.
+/// parts. Contacts have MuJoCo's tangents, also where the step takes others with the same cone.
+///
+/// As in MuJoCo there are no rows without dry friction, and those of a free joint begin with translation, while the
+/// step's vectors begin with rotation. The tree has its contact pairs by link, so they are sorted here.
 pub fn constraint_rows(
     tree: &Tree<f64>,
     params: &Params<f64>,
@@ -305,6 +313,8 @@ impl Contact<'_> {
         }
         for k in 0..condim {
             if tree.elliptic {
+                // MuJoCo keeps R_k · μ_k² the same for all friction rows, and impratio times smaller than the
+                // normal's.
                 let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
                 rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: d * scale });
             } else if k > 0 {

@@ -59,6 +59,7 @@ pub(crate) fn pd<T: Real>(
     let (qpos, qvel) = (&state.qpos[..n], &state.qvel[..n]);
     for j in 0..n {
         let p = &joints[j];
+        // A history of one target leaves nothing to delay.
         let mut target = newest[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
@@ -68,6 +69,8 @@ pub(crate) fn pd<T: Real>(
             let end = start + T::lit(1.0);
             let mut sum = z;
             for k in 0..taps {
+                // Target k counts with the part of this step in which it is in force: from its sending until
+                // that of target k − 1. The newest has no end, the oldest no beginning.
                 let until = T::lit((1.0 - k as f64) * substeps as f64);
                 let upper = if k == 0 { end } else { end.min(until) };
                 let since = T::lit(-(k as f64) * substeps as f64);
@@ -79,6 +82,7 @@ pub(crate) fn pd<T: Real>(
         // The same branch for all lanes: the kind of a target is part of the robot's structure.
         let push = if velocities[j] { p.kd * target } else { p.kp * (target - (qpos[j] + p.encoder_bias)) };
         let torque = p.torque_scale.fma(p.kd.fnma(qvel[j], push), p.torque_offset);
+        // Without a no-load speed the limit is the same in both directions and at every speed.
         let mut reach = [Reach { limit: p.torque_limit, fall: z }; 2];
         let falling = p.no_load_speed.unless_ge(T::lit(MAX_SPEED));
         if T::enter(falling) {
@@ -132,6 +136,7 @@ fn motor<T: Real>(p: &JointParams<T>, qd: T) -> Reach<T> {
 /// step can reach back half a step more if `centred`.
 pub fn delay_taps(max_delay: f64, period: f64, centred: bool) -> usize {
     let reach = max_delay + if centred { 0.5 * period } else { 0.0 };
+    // One more than whole periods, because a step may see the change from one target to the next.
     if reach > 0.0 { (reach / period).ceil() as usize + 1 } else { 1 }
 }
 
@@ -144,6 +149,7 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
         let u = actuator.ctrlrange.map_or(u, |[low, high]| u.max(low).min(high));
         let j = actuator.joint;
         let [b0, b1, b2] = actuator.bias;
+        // MuJoCo's joint transmission: the actuator's length is `gear` times the joint's position.
         let (length, velocity) = (actuator.gear * qpos_joints[j], actuator.gear * qvel_joints[j]);
         let force = actuator.gain * u + b0 + b1 * length + b2 * velocity;
         let (limited, saturated) = match actuator.forcerange {
@@ -151,6 +157,7 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
             None => (force, false),
         };
         drives[j].torque += actuator.gear * limited;
+        // A force at its limit does not depend on velocity, so it damps nothing.
         if !saturated {
             drives[j].damping -= actuator.gear * actuator.gear * b2;
         }

@@ -203,6 +203,7 @@ impl<T: Real> Params<Dual<T>> {
         values.visit(|_, &number| numbers.push(number));
         let mut slopes = Vec::with_capacity(numbers.len());
         tangents.visit(|_, &number| slopes.push(number));
+        // All visits go through the numbers in one order.
         let mut pairs = numbers.into_iter().zip(slopes);
         all.visit_mut(|_, number| {
             if let Some((value, tangent)) = pairs.next() {

@@ -59,6 +59,7 @@ impl Forward {
         let drives = self.drives(&state, ctrl)?;
         let mass = mass_matrix(&self.tree, &self.params, &state);
         let qfrc_bias = bias(&self.tree, &self.params, &state);
+        // A copy: the step below must start from the same cold state.
         let mut solved = state.clone();
         accelerate(&self.tree, &self.params, &drives, &mut solved, &mut self.work);
         let qacc = acceleration(&self.tree, &solved);
@@ -106,6 +107,7 @@ pub fn state_from(tree: &Tree<f64>, qpos: &[f64], qvel: &[f64]) -> Result<State<
         state.base_quaternion = std::array::from_fn(|k| qpos[3 + k] / norm);
         state.base_linear = [qvel[0], qvel[1], qvel[2]];
         state.base_angular = [qvel[3], qvel[4], qvel[5]];
+        // A pose has four numbers of rotation, a velocity three.
         (p, v) = (7, 6);
     }
     state.qpos.copy_from_slice(&qpos[p..]);

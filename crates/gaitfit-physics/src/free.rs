@@ -50,6 +50,8 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     let implicit = if settings.damping == Damping::Explicit { T::zero() } else { h * damping };
     let folded = if settings.damping == Damping::Folded { implicit } else { T::zero() };
     let armature = T::k(free.armature) + folded;
+    // Alike on all axes, armature adds to mass and to inertia about the base's origin, which is the reference
+    // point.
     let node = &mut work.nodes[0];
     node.rigid.m = node.rigid.m + armature;
     for k in 0..3 {
@@ -57,6 +59,7 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     }
     // The root's velocity is that without the boost.
     let velocity: V6<T> = [node.motion.velocity[0], state.base_linear];
+    // The wrench is the residual at the present acceleration, so it holds the armature's part too.
     node.wrench = axpy6(armature, state.base_acceleration, axpy6(damping, velocity, node.wrench));
     let scratch = &mut work.free[0];
     scratch.implicit = implicit;
@@ -83,6 +86,8 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
     for part in 0..2 {
         let d = scratch.friction_d[part];
         for k in 0..3 {
+            // Dry friction: proportional to the residual up to the loss, constant and without stiffness
+            // beyond it.
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
             scratch.row[part][k] = slip.clamp_abs(loss);
             weight[part][k] = T::select_lt(slip.abs(), loss, d, z);
@@ -91,6 +96,7 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>,
     node.residual = add6(node.residual, [rotate(&rotation, scratch.row[0]), scratch.row[1]]);
     if hessian {
         let [x, y, w] = weight[0];
+        // Rows of rotation are about the base's own axes, the inertia is in world axes.
         let turned = sym_rotate(&rotation, &[x, y, w, z, z, z]);
         for k in 0..6 {
             node.inertia.aa[k] = node.inertia.aa[k] + turned[k];
@@ -135,6 +141,7 @@ pub(crate) fn along<T: Real>(
         let d = scratch.friction_d[part];
         for k in 0..3 {
             let step = scratch.step[part][k];
+            // The force of `terms` at this point of the line, and its derivative.
             let slip = d.fma(a[part][k], scratch.friction_bias[part][k]);
             g.0 = step.fma(slip.clamp_abs(loss), g.0);
             let curve = T::select_lt(slip.abs(), loss, d * step, T::zero());

@@ -34,6 +34,7 @@ pub(crate) fn invweights(
     changes: &[BodyChange],
     armature: &[f64],
 ) -> Result<Invweights, PhysicsError> {
+    // Nothing is solved here, so the preset has no effect.
     let settings = Settings::new(&model.options, Preset::Fast);
     let tree = compile_with::<f64>(model, &settings, false)?;
     // The mass matrix reads nothing else of a joint.
@@ -50,6 +51,7 @@ pub(crate) fn invweights(
         state.base_quaternion = model.bodies[0].quat;
         state.base_position = model.bodies[0].pos;
     }
+    // MuJoCo evaluates them at `qpos0`.
     for (q, joint) in state.qpos.iter_mut().zip(&model.joints) {
         *q = joint.reference;
     }
@@ -72,6 +74,7 @@ pub(crate) fn invweights(
             let mut sums = [0.0; 2];
             for (part, sum) in sums.iter_mut().enumerate() {
                 for k in 0..3 {
+                    // Row of the Jacobian of the centre of mass, along or about the world's axis k.
                     let row: Vec<f64> = axes
                         .iter()
                         .map(|(moved, axis)| {
@@ -84,6 +87,7 @@ pub(crate) fn invweights(
                             }
                         })
                         .collect();
+                    // J M⁻¹ Jᵀ: the inverse inertia of this direction.
                     *sum += factor.inverse_form(&row);
                 }
             }
@@ -94,6 +98,7 @@ pub(crate) fn invweights(
     let first = n - tree.joints();
     let weight = |dof: usize| factor.inverse_diagonal(dof);
     let joints = (0..tree.joints()).map(|j| weight(first + j)).collect();
+    // MuJoCo takes one mean of a free joint's translations and one of its rotations.
     let mean = |dofs: Range<usize>| dofs.map(weight).sum::<f64>() / 3.0;
     let free = if tree.floating { [mean(0..3), mean(3..6)] } else { [1.0; 2] };
     Ok(Invweights { bodies, joints, free })

@@ -49,6 +49,7 @@ impl<K> Obstacles<K> {
                         corner: field.half_size.map(|half| T::constant(-half)),
                         step: steps.map(T::constant),
                         per_step: steps.map(|step| T::constant(1.0 / step)),
+                        // The last inner vertex: the four cells about it must exist.
                         last: [field.columns, field.rows].map(|count| T::constant((count - 2) as f64)),
                         columns: T::constant(field.columns as f64),
                         top: T::constant(top),
@@ -128,6 +129,7 @@ fn check(field: &HeightField, name: &str) -> Result<(), PhysicsError> {
         Err(PhysicsError::Value { object, quantity, value, must })
     };
     let (rows, columns) = (field.rows, field.columns);
+    // The nearest point is sought in the four cells about an inner vertex, so there must be one.
     if rows < 3 || columns < 3 {
         return wrong("the number of rows or columns", rows.min(columns) as f64, "at least 3");
     }

@@ -149,6 +149,7 @@ impl<T: Real> Params<T> {
 
     /// Several robots' sets in one: `pack` makes each number from the sets' numbers, in the order of the sets.
     pub fn pack(sets: &[&Params<f64>], mut pack: impl FnMut(&[f64]) -> T) -> Self {
+        // All sets are visited in the same order, so the number i of each belongs to column i.
         let mut columns: Vec<Vec<f64>> = Vec::new();
         for set in sets {
             let mut next = 0;
@@ -162,6 +163,7 @@ impl<T: Real> Params<T> {
         }
         let Some(first) = sets.first() else { return Self::zeros(0, 0, 0) };
         let mut packed = Self::zeros(first.links.len(), first.joints.len(), first.pairs.len());
+        // `zeros` makes no numbers of a free joint.
         packed.free = vec![T::zero(); first.free.len()];
         let mut columns = columns.iter();
         packed.visit_mut(|_, number| {

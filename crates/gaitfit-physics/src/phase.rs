@@ -31,6 +31,7 @@ pub fn before<T: Real>(p: &mut Period<'_, T>, clock: T, disturbance: &[T]) {
     for_each(p.modifications, p.memory, |one, memory| {
         one.torques(&p.tree.settings, p.params, p.state, memory, p.drives);
     });
+    // After all torques are known: a gear passes their sum on.
     for_each(p.modifications, p.memory, |one, memory| {
         one.engage(&p.tree.settings, p.params, p.state, memory, p.drives);
     });

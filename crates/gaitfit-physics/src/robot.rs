@@ -177,6 +177,7 @@ impl Robot {
                 });
             }
         }
+        // The check of lower bounds lets infinity pass, which only torque limits and no-load speeds may have.
         for parameter in JointParameter::LINKS {
             let all = self.joints(*parameter).iter().zip(&model.joints);
             if let Some((value, joint)) = all.into_iter().find(|(value, _)| value.is_infinite()) {
@@ -220,6 +221,7 @@ impl Robot {
         }
         let weights = invweight::invweights(model, &links, &changes, &self.armature)?;
         let mut pairs = Vec::new();
+        // In the order of the compiled pairs: by link, see `compile_with`.
         for link in 0..=mounts.len() {
             for pair in &model.pairs {
                 let body = model.geoms[pair.geom].body;
@@ -229,6 +231,7 @@ impl Robot {
                 }
             }
         }
+        // Own parts follow the pairs with the ground. Both bodies give way, so their inverse inertias add.
         for pair in &model.self_pairs {
             let [first, second] = [0, 1].map(|side| weights.bodies[pair.geoms[side].body]);
             let (translation, rotation) = (first[0] + second[0], first[1] + second[1]);
@@ -253,6 +256,8 @@ impl Robot {
         for (j, (joint, side)) in model.joints.iter().zip(sides(model)).enumerate() {
             let factor = self.link_mass[j];
             let shift = [self.link_com_x[j], side * self.link_com_y[j], self.link_com_z[j]];
+            // The shift is in the axes of the joint's body; every body welded to it takes the same shift in
+            // its own axes.
             let turned = rotate(&seats[joint.body].rotation, shift);
             for (change, seat) in changes.iter_mut().zip(&seats).filter(|(_, seat)| seat.link == j + 1) {
                 change.factor *= factor;

@@ -29,12 +29,14 @@ pub(crate) fn mat_mul(a: &M3<f64>, b: &M3<f64>) -> M3<f64> {
 
 /// The axis of a joint, and the rotation whose columns are a frame with that axis along it.
 fn axis_frame(axis: V3<f64>) -> (Axis, M3<f64>) {
+    // A joint along a coordinate axis needs no turn. The tolerance is for the rounding of a normalised axis.
     for (index, name) in [Axis::X, Axis::Y, Axis::Z].into_iter().enumerate() {
         if (axis[index] - 1.0).abs() < 1e-14 {
             return (name, IDENTITY);
         }
     }
     // z along the axis, x across it.
+    // The coordinate axis furthest from the joint's makes the longest cross product.
     let smallest = if axis[0].abs() <= axis[1].abs() && axis[0].abs() <= axis[2].abs() {
         [1.0, 0.0, 0.0]
     } else if axis[1].abs() <= axis[2].abs() {
@@ -70,6 +72,7 @@ pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Mount>) {
             None if model.root == Root::Floating => Seat { link: 0, rotation: IDENTITY, position: [0.0; 3] },
             None => Seat { link: 0, rotation: pose, position: body.pos },
         };
+        // Each joint of a body makes a link of its own; the body sits in the last one.
         for joint in model.joints.iter().filter(|joint| joint.body == index) {
             let anchor = add(seat.position, rotate(&seat.rotation, joint.pos));
             let (axis, frame) = axis_frame(joint.axis);

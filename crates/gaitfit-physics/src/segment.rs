@@ -101,6 +101,8 @@ fn eliminate_joints<T: Real, const N: usize>(
 ) -> T {
     let joints = segment.first - 1..segment.first - 1 + N;
     let (curvatures, rows) = joint_rows::<T, N>(joints.clone(), hessian, state, work);
+    // The block begins with the segment's mass matrix. Rows, self-contacts, couplings, what hangs on it and
+    // contacts add to it.
     let scratch = &work.segments[index];
     let mut block = Block { h: scratch.mass, f: scratch.force, r: scratch.residual };
     for k in 0..N {
@@ -123,6 +125,8 @@ fn eliminate_joints<T: Real, const N: usize>(
             block.r[k] = block.r[k] + r[k];
         }
     }
+    // Segments further out have been eliminated onto this node already. Its inertia is moved by the segment's
+    // joints and, about the same reference point, by the parent.
     if let Some(node) = segment.node {
         let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
         block.carry::<N>(N - 1, &work.segments[index].axis, &inertia, residual);
@@ -155,6 +159,7 @@ fn eliminate_joints<T: Real, const N: usize>(
         }
     }
     let parent = &mut work.nodes[segment.parent];
+    // A − F H⁻¹ Fᵀ and p − F H⁻¹ r, one outer product a joint.
     let (mut z, mut part, mut residual) = (y, T::zero(), parent.residual);
     for k in 0..N {
         let solved = d[k] * e[k];
@@ -263,6 +268,8 @@ fn segment_contacts<T: Real, const N: usize>(
         }
         let before = *block;
         for (place, point) in points[pair.points.clone()].iter().enumerate() {
+            // With spin a contact has a 6 × 6 Hessian; without, one of three dimensions at its point, which
+            // is cheaper.
             if pair.condim > 3 {
                 let (wrench, inertia) = &spins[pair.spin + place];
                 let inertia = if hessian { *inertia } else { Articulated::zero() };
@@ -270,6 +277,7 @@ fn segment_contacts<T: Real, const N: usize>(
                 continue;
             }
             for k in 0..N {
+                // Joints of the segment further out do not move this link.
                 if k <= pair.member {
                     let g = point.columns[k];
                     block.r[k] = dot_add(g, point.world_force, block.r[k]);
@@ -325,6 +333,7 @@ fn substitute_joints<T: Real, const N: usize>(
     let scratch = &mut work.segments[index];
     let above = nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
+    // q̈ = −H⁻¹ (r + Fᵀ a), by the transposed factor: the last joint first.
     for k in (0..N).rev() {
         let mut s = scratch.inverse[k].fnma(dot6(scratch.coupling[k], above), -scratch.solved[k]);
         for i in k + 1..N {
@@ -332,6 +341,7 @@ fn substitute_joints<T: Real, const N: usize>(
         }
         step[k] = s;
     }
+    // Where own parts touch, the step corrected for them stays; the tree alone would lack their Hessian.
     if let Some(touching) = corrected
         && T::enter(touching)
     {
@@ -351,6 +361,7 @@ fn substitute_joints<T: Real, const N: usize>(
         nodes[node].step = a;
     }
     let (mut slope, mut curvature) = (T::zero(), T::zero());
+    // The rest serves the line search and the residuals of a further iteration.
     if wanted == Wanted::Step {
         return (slope, curvature);
     }
@@ -358,6 +369,7 @@ fn substitute_joints<T: Real, const N: usize>(
     let mut wrench = parent.step_wrench;
     for k in 0..N {
         wrench = axpy6(step[k], scratch.force[k], wrench);
+        // Row k of M p: what a full step adds to the residual.
         let mut change = scratch.mass[k].fma(step[k], dot6(scratch.force[k], above));
         for i in 0..N {
             if i != k {

@@ -112,6 +112,7 @@ fn walk<T: Real, const N: usize>(pass: &Pass<'_, T>, index: usize, work: &mut Wo
         touch(pass, first + 2, &motion, work);
     }
     if let Some(node) = segment.node {
+        // Without velocity products and gravity: rows of contacts need J q̈ alone.
         let mut a = work.nodes[segment.parent].jacobian_acceleration;
         for k in 0..N {
             a = axpy6(pass.state.qacc[first + k - 1], work.segments[index].axis[k], a);
@@ -119,6 +120,7 @@ fn walk<T: Real, const N: usize>(pass: &Pass<'_, T>, index: usize, work: &mut Wo
         work.nodes[node].motion = motion;
         work.nodes[node].jacobian_acceleration = a;
     }
+    // From the last link inward, each joint takes up the sum of all links that it carries in the segment.
     let mut total = match N {
         1 => inner,
         2 => middle,
@@ -160,6 +162,7 @@ fn gather<T: Real>(
     let force = rigid.mul(axis);
     out.force[k] = force;
     out.mass[k] = dot6_add(axis, force, joint.armature);
+    // Behind the diagonal the packed matrix has its elements 10, 20 and 21.
     for i in 0..k {
         out.mass[2 + k + i] = dot6(out.axis[i], force);
     }
@@ -212,6 +215,8 @@ pub(crate) fn joint_motion<T: Real>(
 /// Motion of link 0.
 #[inline(always)]
 pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motion<T> {
+    // Gravity enters as an opposite acceleration of the root, so no link needs a force of its own
+    // (Featherstone 2008, ch. 5).
     let gravity = k3::<T>(&tree.gravity);
     if tree.floating {
         let rotation = quat_matrix(&state.base_quaternion);
@@ -222,6 +227,8 @@ pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motio
         let (z, one) = (T::zero(), T::lit(1.0));
         Motion {
             rotation: [[one, z, z], [z, one, z], [z, z, one]],
+            // The reference point is the fixed body's origin, so the world's lies at the negative of its
+            // place.
             position: scale(T::lit(-1.0), k3::<T>(&tree.root_position)),
             velocity: zero6(),
             acceleration: [zero3(), scale(T::lit(-1.0), gravity)],
@@ -296,6 +303,7 @@ pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>,
     let c = rotate_add(&m.rotation, p.com, m.position);
     let central = inertia_rotate(&m.rotation, &p.inertia);
     let h = scale(p.mass, c);
+    // Moved from the centre of mass to the reference point (parallel axes): m (c·c 1 − c cᵀ) is added.
     let rigid = Rigid {
         m: p.mass,
         h,
@@ -308,6 +316,7 @@ pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>,
             h[1].fnma(c[2], central[5]),
         ],
     };
+    // Newton and Euler about the centre of mass; the moment is then taken about the reference point.
     let (w, a) = (m.velocity[0], m.acceleration);
     let v = cross_add(w, c, m.velocity[1]);
     let f = scale(p.mass, cross_add(w, v, cross_add(a[0], c, a[1])));
@@ -337,6 +346,7 @@ fn joint_rows<T: Real>(
     if link.has_spring {
         out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
     }
+    // Damping that is integrated implicitly. Behind a gear it is part of the gear's resistance already.
     let implicit = match tree.settings.damping {
         Damping::Explicit => z,
         _ if drive.gear.is_some() => z,
@@ -344,10 +354,13 @@ fn joint_rows<T: Real>(
         _ => p.damping,
     };
     let settings = &tree.settings;
+    // Time from the step's start to the velocity that damping acts on: the whole step in MuJoCo's way, else
+    // the lead.
     let explicit = settings.emulated_step.is_none() && !settings.centred;
     let h = T::lit(if explicit { settings.timestep } else { settings.drive_lead() });
     out.implicit = h * implicit;
     let folded = if tree.settings.damping == Damping::Folded { implicit } else { z };
+    // The link behind a gear feels the gear's resistance over the step instead of the rotor's inertia.
     out.armature = match &drive.gear {
         Some(gear) => T::lit(settings.timestep) * gear.resistance,
         None => p.armature + h * (folded + drive.resistance),
@@ -358,6 +371,7 @@ fn joint_rows<T: Real>(
     out.frictionloss = if drive.gear.is_some() { z } else { dry_friction(p, qd, drive.torque) };
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
+        // Only the nearer limit can act: `compile_limit` refuses ranges in which both could.
         let sign = T::select_lt(high, low, -one, one);
         let depth = low.min(high) - T::k(limit.margin);
         *limited = depth.unless_ge(z);

@@ -20,6 +20,7 @@ pub(crate) fn impedance<K>(
     let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
     let (dmin, dmax, width) = (clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0));
     let (midpoint, power) = (clamp(solimp[3]), solimp[4].max(1.0));
+    // Without a rise or a width the curve is a constant: the mean of both ends, as in MuJoCo.
     if dmin == dmax || width <= TINY {
         let flat = 0.5 * (dmin + dmax);
         return Ok(Impedance {
@@ -42,6 +43,7 @@ pub(crate) fn impedance<K>(
         per_width: k(1.0 / width),
         midpoint: k(midpoint),
         power: power as u32,
+        // As binary digits: each stands for a further square root of the base.
         fraction: (power.fract() * 2f64.powi(64)) as u64,
         low: k(1.0 / midpoint.powf(power - 1.0)),
         high: k(1.0 / (1.0 - midpoint).powf(power - 1.0)),
@@ -69,9 +71,12 @@ fn mujoco_reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
     // A mixed format is replaced by the default, as MuJoCo does.
     let solref = if (solref[0] > 0.0) != (solref[1] > 0.0) { [0.02, 1.0] } else { *solref };
     if solref[0] > 0.0 {
+        // Time constant and damping ratio. A time constant below two steps would be unstable (MuJoCo's
+        // `refsafe`).
         let (time, ratio) = (solref[0].max(2.0 * timestep), solref[1]);
         (1.0 / (dmax * dmax * time * time * ratio * ratio).max(TINY), 2.0 / (dmax * time).max(TINY))
     } else {
+        // Stiffness and damping themselves, with the opposite sign.
         (-solref[0] / (dmax * dmax).max(TINY), -solref[1] / dmax.max(TINY))
     }
 }

@@ -72,6 +72,7 @@ separate! {
             self_contact::terms(tree, state, work);
         }
         let mut slope = T::zero();
+        // The outermost segments first: an eliminated one adds to the node that it hangs on.
         for segment in tree.segments.iter().enumerate().rev() {
             slope = slope - eliminate(tree, segment, hessian, state, work);
         }
@@ -85,6 +86,8 @@ separate! {
             step = root.inertia.solve_neg(root.residual);
             slope = slope + dot6(root.residual, step);
         }
+        // The tree alone lacks the self-contacts' Hessian: its step is completed, then corrected, before
+        // anything else reads it.
         let touching = work.self_contact.touching;
         let mut corrected = None;
         if hessian && !tree.self_contact.is_empty() && T::enter(touching) {
@@ -117,6 +120,7 @@ separate! {
         if wanted == Wanted::Everything && !tree.self_contact.is_empty() {
             slope = slope - self_contact::steps(tree, state, work);
         }
+        // The nodes' part of pᵀMp: rigid inertias at them and the joints' pull on them.
         for node in &work.nodes {
             curvature = dot6_add(node.step, node.step_wrench, curvature);
         }
@@ -279,12 +283,14 @@ separate! {
         let mut lower = z;
         let farthest = T::lit(16.0);
         let mut upper = farthest;
+        // Twice the farthest place, so that the first move does not count as slow.
         let mut moved = T::lit(32.0);
         for _ in 0..tree.settings.line_search {
             let mut kinks = Kinks::none();
             let (g, h) = rows_along(tree, alpha, state, work, &mut kinks);
             let g = alpha.fma(curvature, slope) + g;
             let h = (h + curvature).max(T::lit(1e-30));
+            // The cost is convex: the slope's sign tells the side of the minimum.
             lower = T::select_lt(g, z, alpha, lower);
             upper = T::select_lt(g, z, upper, alpha);
             // Not a product with the reciprocal: where nothing bends, the derivative of 1/h is more than `f32` holds.
@@ -330,6 +336,7 @@ fn rows_along<T: Real>(
     for ((joint, &qacc), &limited) in work.joints.iter().zip(&state.qacc).zip(&work.limited) {
         let step = joint.step;
         let a = alpha.fma(step, qacc);
+        // Dry friction: beyond the loss the force is constant, so the curvature is zero.
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
         g.0 = step.fma(slip.clamp_abs(loss), g.0);

@@ -93,6 +93,7 @@ impl<T: Real> Articulated<T> {
 
     #[inline(always)]
     pub fn from_rigid(r: &Rigid<T>) -> Self {
+        // The mixed block is the matrix of the cross product with h.
         let (z, m, h) = (T::zero(), r.m, r.h);
         Self { aa: r.i, al: [[z, -h[2], h[1]], [h[2], z, -h[0]], [-h[1], h[0], z]], ll: [m, m, m, z, z, z] }
     }
@@ -217,6 +218,7 @@ impl<T: Real> Articulated<T> {
 #[inline(always)]
 fn sym_inverse<T: Real>(s: &Sym3<T>) -> Sym3<T> {
     let [xx, yy, zz, xy, xz, yz] = *s;
+    // Cofactors over the determinant, which is expanded along the first row.
     let c0 = yz.fnma(yz, yy * zz);
     let c3 = xy.fnma(zz, xz * yz);
     let c4 = xz.fnma(yy, xy * yz);

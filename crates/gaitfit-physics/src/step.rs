@@ -40,6 +40,7 @@ pub fn accelerate<T: Real>(
 #[inline(always)]
 pub(crate) fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T>) {
     let h = T::lit(tree.settings.timestep);
+    // A copy: the state keeps the solver's own accelerations, from which the next step starts.
     let mut base = state.base_acceleration;
     let implicit = tree.settings.damping == Damping::Implicit;
     if implicit {

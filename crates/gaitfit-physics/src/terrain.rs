@@ -113,6 +113,7 @@ pub(crate) fn nearest_of_box<T: Real>(c: V3<T>, half: V3<T>) -> (T, V3<T>) {
     let gap: V3<T> = each3!(i => half[i] - c[i].abs());
     let smallest = gap[0].min(gap[1]).min(gap[2]);
     let sign: V3<T> = each3!(i => T::select_lt(c[i], zero, -one, one));
+    // One axis alone, also where two gaps are equal.
     let x_side = T::select_lt(smallest, gap[0], zero, one);
     let y_side = T::select_lt(smallest, gap[1], zero, one - x_side);
     let z_side = (one - x_side) - y_side;
@@ -148,6 +149,7 @@ impl<T: Real> Best<T> {
     #[inline(always)]
     fn offer_triangle(&mut self, field: &Field<T::K>, w: V3<T>, slope: [T; 2], upper: bool) {
         let one = T::lit(1.0);
+        // The height above the triangle's plane at the same x and y, then the foot of the perpendicular.
         let above = w[2] - slope[0].fma(w[0], slope[1] * w[1]);
         let square = slope[0].fma(slope[0], slope[1].fma(slope[1], one));
         let by = above.div(square);
@@ -172,10 +174,12 @@ impl<K: Copy> Field<K> {
         let ceiling = &self.ceiling;
         let half = T::lit(0.5);
         let block = |k: usize| {
+            // Rounding of the number less a half is its whole part; there is no other rounding in [`Real`].
             let along = (c[k] - T::k(self.corner[k])) * T::k(ceiling.per_edge[k]);
             (along - half).round().clamp(T::zero(), T::k(ceiling.last[k]))
         };
         let above = c[2] - T::gather(&ceiling.heights, block(1).fma(T::k(ceiling.columns), block(0)));
+        // Both bounds hold: that of the blocks around, as far as they reach, and that of the whole field.
         above.min(T::k(ceiling.edge)).max(c[2] - T::k(self.top))
     }
 
@@ -215,6 +219,8 @@ impl<K: Copy> Field<K> {
             b += 1;
         }
 
+        // Edges and triangles of the four cells. Vertices need no offer of their own: they are the ends of
+        // edges.
         let mut best = Best { d: [zero, zero, T::lit(FAR.sqrt())], square: T::lit(FAR) };
         let mut b = 0;
         while b < 3 {
@@ -265,6 +271,8 @@ impl<K: Copy> Field<K> {
         let tiny = T::lit(TINY * TINY);
         let length = best.square.max(tiny).sqrt();
         let per_length = one.div(length);
+        // A point on the surface has no direction to it: the plane's normal counts there, as below the
+        // surface.
         let open = T::select_lt(best.square, tiny, -one, above);
         let normal: V3<T> = each3!(i => T::select_lt(zero, open, per_length * best.d[i], plane[i]));
         Nearest {

@@ -25,6 +25,7 @@ impl Affine {
     /// Returns the layer behind x ↦ x ∘ factor + offset: Wᵢⱼ becomes factorᵢ Wᵢⱼ and bⱼ becomes bⱼ + Σᵢ
     /// offsetᵢ Wᵢⱼ, summed in `f64`.
     pub fn behind(&self, factor: &[f64], offset: &[f64]) -> Self {
+        // In `f64`, because many products are added to one bias.
         let mut bias: Vec<f64> = self.bias.iter().map(|&b| f64::from(b)).collect();
         let mut weight = Vec::with_capacity(self.weight.len());
         for (row, (factor, offset)) in

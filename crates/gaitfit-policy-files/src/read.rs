@@ -50,6 +50,7 @@ pub fn interface_of(path: &Path) -> Result<(Interface, String), PolicyError> {
         && !table.contains_key("file")
     {
         let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+        // A description must have `file`, which is not read here.
         table.insert("file".to_owned(), String::new().into());
         let interface =
             Description::from_table(table).and_then(|description| description.interface_in(folder(path)));
@@ -150,6 +151,7 @@ fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyEr
 /// # Errors
 /// What another program says of it, if that is wrong.
 fn known(path: &Path) -> Result<Option<Known>, PolicyError> {
+    // A file that cannot be read is reported when its weights are.
     let Ok(bytes) = bytes(path) else { return Ok(None) };
     let interface = match ending(path).as_deref() {
         Some("safetensors") => weights::interface(&bytes),

@@ -96,6 +96,7 @@ impl<'a> Tensors<'a> {
         let number = |name: &str| -> Option<usize> {
             name.strip_prefix(prefix)?.strip_prefix('.')?.strip_suffix(".weight")?.parse().ok()
         };
+        // Sorted as numbers: layer 10 comes after layer 9.
         let numbers: BTreeSet<usize> = self.file.names().into_iter().filter_map(number).collect();
         if numbers.is_empty() {
             let error = self.view(&format!("{prefix}.0.weight")).err();
@@ -149,6 +150,7 @@ impl<'a> Tensors<'a> {
             let (_, hidden, weight_hh) = matrix("weight_hh")?;
             let mut bias = |part: &str| -> Result<Vec<f32>, PolicyError> {
                 let name = format!("{prefix}.{part}_l{number}");
+                // Layers made with `bias=False` have no such tensors.
                 if !self.has(&name) {
                     return Ok(vec![0.0; wide]);
                 }

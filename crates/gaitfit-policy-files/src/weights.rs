@@ -133,6 +133,7 @@ fn put_memories(tensors: &mut Vec<NamedTensor>, policy: &Policy) {
             for (part, inputs, values) in
                 [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
             {
+                // In PyTorch's order: outputs × inputs.
                 let values = single(&transpose(values, inputs, wide));
                 tensors.push((format!("{prefix}.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
             }
@@ -265,6 +266,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         return Err(invalid(format!("tensor {name} is none of a policy's; export the policy again")));
     }
     let Header { interface, provenance, .. } = header;
+    // A file of this program leaves nothing to assume.
     let notes = Vec::new();
     let policy = Policy {
         interface,
@@ -311,6 +313,7 @@ fn header(bytes: &[u8]) -> Result<Header, PolicyError> {
              file and give that (docs/policies.md)",
         )
     })?;
+    // The format first: a header of another format may have fields that the present one refuses.
     #[derive(Deserialize)]
     struct Version {
         format: u32,

@@ -66,6 +66,7 @@ impl Reference {
             }
             (body, before) = (hinge.body, Some(index));
         }
+        // Where the file does not name the anchor's body, the list of joints is all there is to check.
         let Some(name) = self.anchor_body.as_deref() else { return Ok(()) };
         let Some(named) = model.bodies.iter().position(|body| body.name == name) else {
             return refuse(format!(
@@ -80,6 +81,7 @@ impl Reference {
         if named == body || (!moves(named) && links(model, named, body).is_some()) {
             return Ok(());
         }
+        // For the message: all joints from the base to the named body, as `anchor` should list them.
         let mut up: Vec<usize> =
             std::iter::successors(Some(named), |&body| model.bodies[body].parent).collect();
         up.reverse();

@@ -14,6 +14,7 @@ impl Policy {
         self.interface.check()?;
         let interface = &self.interface;
         let joints = interface.joints.len();
+        // What stands first sees the observation; the actor sees what it gives.
         let (seer, observed) = match &self.front {
             None => ("actor", self.actor.shape.inputs),
             Some(front) => (front.name(), front.inputs()),
@@ -57,6 +58,7 @@ impl Policy {
             return Err(invalid("there is a critic_memory, but no critic; leave it out"));
         }
         check_normaliser("normaliser", self.normaliser.as_ref(), observed)?;
+        // The normaliser stands before the critic's memory, if there is one.
         let behind = self.critic_memory.as_ref().map(Recurrent::inputs);
         let critic_inputs = behind.or(self.critic.as_ref().map(|critic| critic.shape.inputs)).unwrap_or(0);
         check_normaliser("critic_normaliser", self.critic_normaliser.as_ref(), critic_inputs)

@@ -93,6 +93,7 @@ pub fn follow(
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
     cancel: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), WalkerError> {
+    // A reset takes the state and the action of its sample from the log.
     let stateless = |script: &Script| {
         script.states.len() < script.commands.len()
             || script.actions.len() < script.commands.len() * walker.joints.len()
@@ -167,6 +168,7 @@ impl Worker {
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         let imu = job.candidate.sensors.imu();
+        // Readings hold the errors of the unit; the simulation begins in the true state.
         let place = |tile: &mut Tile<'_>, index: usize, reading: &Start| match &imu {
             Some(imu) => tile.place(index, &imu.state(reading)),
             None => tile.place(index, reading),
@@ -219,6 +221,7 @@ impl Worker {
                 sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
                 sensed.last_action.copy_from_slice(last_action.row(index));
                 sensed.clock = walker.clock(sample as u32);
+                // Resets put the robot where the log has it, so the motion is not turned back then.
                 sensed.motion = scripts[index].place(sample, job.reset_every.is_none());
                 walker.observation.write(&sensed, past.row(index), |_, _| (), row);
             }
@@ -240,6 +243,7 @@ impl Worker {
             let torques =
                 self.noise.torques(walker, &job.candidate, job.seed, first as u32, sample as u32, count);
             tile.step(&self.targets, torques, &mut self.motion);
+            // After the step, because an observation's last action is the one that the robot has moved under.
             last_action.take(&self.action);
         }
         Ok(true)
@@ -249,6 +253,7 @@ impl Worker {
 impl Script {
     /// The start of jobs with this seed.
     pub fn begins(&self, seed: u64) -> &Start {
+        // Number 0 is `start`; the others follow it.
         start_number(seed, 1 + self.others.len())
             .checked_sub(1)
             .map_or(&self.start, |other| &self.others[other])
@@ -319,6 +324,7 @@ impl Track {
             &motion.joint_position[index * width..(index + 1) * width],
             &motion.velocity_readings()[index * width..(index + 1) * width],
         );
+        // In the policy's order of joints.
         self.position.extend(walker.joints.iter().map(|&joint| position[joint]));
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);

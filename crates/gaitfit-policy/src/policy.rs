@@ -104,6 +104,7 @@ impl Policy {
             return self.actor.forward_normalised(normaliser, rows, observation, actions, scratch);
         };
         let observation = &observation[..rows * front.inputs()];
+        // The normaliser stands before the front, so the actor behind it gets no further one.
         let mut normal = observation.to_vec();
         if let Some(normaliser) = &self.normaliser {
             normaliser.apply(observation, &mut normal);

@@ -137,6 +137,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
         for (q, angle) in state.qpos.iter_mut().zip(&pose) {
             *q = T::lit(*angle);
         }
+        // Each job has a block of its own, so the lock never waits.
         batches.push(std::sync::Mutex::new(Batch { params, state }));
     }
     let scratch = || Scratch {

@@ -45,6 +45,7 @@ pub(crate) fn with_spread(value: f64, spread: f64) -> (String, String) {
     if !plain.contains(&spread_exponent) || !(-4..6).contains(&value_exponent.max(spread_exponent)) {
         return (significant(value, 4), significant(spread, 2));
     }
+    // Two digits of the spread.
     let decimals = (1 - spread_exponent).max(0) as usize;
     (fixed(value, decimals), fixed(spread, decimals))
 }
@@ -101,6 +102,7 @@ fn printable(text: &str, longest: usize) -> String {
             || matches!(*c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
                 | '\u{feff}' | '\u{fffe}' | '\u{ffff}')
     };
+    // A line break is a control character, but it separates words.
     let mut shown = text.chars().map(|c| if c == '\n' { ' ' } else { c }).filter(|c| !hidden(c));
     let mut printed: String = shown.by_ref().take(longest).collect();
     if shown.next().is_some() {

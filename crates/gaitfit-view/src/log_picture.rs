@@ -123,9 +123,11 @@ pub fn log_picture_html(log: &LogPicture) -> Result<String, ReportError> {
 fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top: f64) {
     let times = extent(log.time_s.iter().copied()).unwrap_or((0.0, 1.0));
     let values = extent(joint.position.iter().chain(&joint.target).copied()).unwrap_or((-1.0, 1.0));
+    // A mark that names no joint is about all of them.
     let about = |mark: &&LogMark| mark.joints.is_empty() || mark.joints.contains(&joint.name);
     let corners = |error: bool| -> Vec<Corners> {
         let marks = log.marks.iter().filter(about).filter(|mark| mark.error == error);
+        // Infinite ends are cut at the axes: a mark fills the whole height.
         marks.map(|mark| [mark.span_s, (f64::NEG_INFINITY, f64::INFINITY)]).collect()
     };
     let (wrong, doubtful) = (corners(true), corners(false));

@@ -154,6 +154,7 @@ impl<'a, 'input> Reader<'a, 'input> {
     fn points(&mut self, vertex: Node<'a, 'input>, transform: Transform) -> Result<Vec<Vec3>, ContentError> {
         let vertices = self.find(vertex, "source").ok_or(ContentError::Positions)?;
         self.count(vertices.children().count())?;
+        // The input names <vertices>, which names the positions, or the positions themselves.
         let position = vertices.children().find(|input| input.attribute("semantic") == Some("POSITION"));
         let source = match position {
             Some(position) => self.find(position, "source").ok_or(ContentError::Positions)?,

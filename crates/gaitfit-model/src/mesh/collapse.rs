@@ -180,6 +180,7 @@ impl<'a> Work<'a> {
 
     /// How often the ends of an edge have changed.
     fn seen(&self, ends: [u32; 2]) -> u32 {
+        // Numbers are only compared for equality, so one that wraps around does no harm.
         ends.iter().fold(0, |sum, &end| sum.wrapping_add(self.changes[end as usize]))
     }
 
@@ -220,6 +221,7 @@ impl<'a> Work<'a> {
         let mut removed = 0;
         for face in std::mem::take(&mut self.faces[gone]) {
             let triangle = &mut self.pool.triangles[face as usize];
+            // A face with both ends of the edge becomes a line.
             if triangle.contains(&edge.ends[0]) {
                 self.alive[face as usize] = false;
                 removed += 1;
@@ -237,6 +239,7 @@ impl<'a> Work<'a> {
         let mut about: Vec<u32> = about.filter(|&corner| corner != edge.ends[0]).collect();
         about.sort_unstable();
         about.dedup();
+        // The vertices around still list faces that are gone.
         for &end in &about {
             let alive = &self.alive;
             self.faces[end as usize].retain(|&face| alive[face as usize]);

@@ -129,7 +129,9 @@ fn msh(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, ContentError> {
         .chunks_exact(3)
         .map(|point| [float(&point[0]), float(&point[1]), float(&point[2])])
         .collect();
+    // Faces come last: normals and texture coordinates before them are skipped.
     let last = &words[words.len() - 3 * faces..];
+    // A negative index becomes one that no vertex has.
     let index = |word: &[u8; 4]| usize::try_from(i32::from_le_bytes(*word)).unwrap_or(usize::MAX);
     last.chunks_exact(3)
         .map(|face| indexed(&points, [index(&face[0]), index(&face[1]), index(&face[2])]))

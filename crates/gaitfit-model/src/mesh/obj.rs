@@ -8,6 +8,7 @@ use crate::rotation::Vec3;
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, super::ContentError> {
     let options =
         LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..LoadOptions::default() };
+    // Materials only colour, and their file is often missing: none is opened.
     let no_materials = |_: &std::path::Path| Err(LoadError::OpenFileFailed);
     let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, no_materials)?;
     let mut triangles = Vec::new();

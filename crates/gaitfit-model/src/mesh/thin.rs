@@ -108,6 +108,7 @@ impl Pool {
                 mesh.resize(mesh.len().max(place + 1), number);
                 place as u32
             });
+            // The same corners in another order are the same triangle.
             let mut sorted = corners;
             sorted.sort_unstable();
             triangles.extend(distinct(corners).filter(|_| seen.insert(sorted)));
@@ -118,6 +119,7 @@ impl Pool {
     /// The meshes one by one.
     fn parts(&self) -> Vec<ThinMesh> {
         let mut parts = vec![ThinMesh::default(); self.meshes];
+        // Place of each vertex in its own mesh, given where it is first used.
         let mut places = vec![None; self.vertices.len()];
         for triangle in &self.triangles {
             let part = &mut parts[self.mesh[triangle[0] as usize]];

@@ -150,6 +150,7 @@ impl Parts {
         for (body, geom) in numbered(spec) {
             let (shape, other) = match geom.kind {
                 GeomKind::Solid(shape) => (shape, None),
+                // The sphere is a stand-in: `other` says that the shape itself does not collide.
                 GeomKind::Other(kind) => (Shape::Sphere { radius: 0.0 }, Some(kind)),
                 _ => (Shape::Sphere { radius: 0.0 }, Some("plane")),
             };
@@ -235,6 +236,8 @@ impl Parts {
                 return Err(SelfContactError::Syntax { pattern: name.to_owned(), reason });
             }
         };
+        // A body stands for its parts that collide; a geom is meant by its own name whether it collides or
+        // not.
         let covers = |glob: &GlobMatcher, part: &Part| {
             glob.is_match(&part.geom.name) || (glob.is_match(&part.body) && !part.surface.is_visual())
         };
@@ -274,6 +277,7 @@ impl Parts {
             Shape::Box { .. } => 3,
         };
         let mut geoms = [first.geom.clone(), second.geom.clone()];
+        // A pair that is not computed as it is gets rods in place of its boxes and cylinders.
         let as_rods = !computed(&geoms[0].shape, &geoms[1].shape);
         if as_rods {
             geoms = rod::in_place_of_both(&geoms, frames);

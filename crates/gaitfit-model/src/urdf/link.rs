@@ -43,6 +43,7 @@ pub(super) fn read_link(
                 match check(ctx, child, &element.label(), inertial, compiler.balance_inertia) {
                     Ok(inertial) => body.inertial = inertial,
                     Err(error) => {
+                        // Whether it can be mended shows when the whole robot is known (`mend_inertias`).
                         body.inertial = inertial;
                         impossible = Some(Impossible { at: child.at, error: Box::new(error) });
                     }
@@ -121,6 +122,7 @@ fn check(
     inertial: Inertial,
     balance: bool,
 ) -> Result<Inertial, ModelError> {
+    // The moments come in falling order: the last one is the smallest.
     if without_rounding(inertial.inertia)[2] < 0.0 {
         return Err(ctx.invalid(
             element.at,

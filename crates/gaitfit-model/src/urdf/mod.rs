@@ -57,6 +57,7 @@ pub(crate) fn read(
     let mut compiler = Compiler::default();
     let mut options = default_options();
     let mut disabled = Disabled::default();
+    // MuJoCo's own extension of URDF: its settings count here as there.
     for extension in document.children.iter().filter(|c| c.name == "mujoco") {
         for child in &extension.children {
             match child.name.as_str() {
@@ -205,10 +206,12 @@ fn assemble(
     let mut bodies = vec![BodySpec::new("world".to_string(), at, 0)];
     let mut bodyless: Vec<Option<BodySpec>> = links.into_iter().map(|l| Some(l.body)).collect();
     root = below_floating_joint(ctx, root, &mut bodyless, connections, &children)?;
+    // A bare link called `world` stands for the world itself, so the robot is fixed.
     let is_world = bodyless[root].as_ref().is_some_and(|b| {
         b.name == "world" && b.inertial == MASSLESS && b.geoms.is_empty() && !children[root].is_empty()
     });
     let mut pose = ([0.0; 3], IDENTITY);
+    // Massless links above the trunk are folded into it; the poses of their fixed joints add up.
     while let [only] = children[root][..]
         && !is_world
         && connections[only].is_fixed()
@@ -275,6 +278,7 @@ fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling
     let driven = joints.filter(|(index, _)| !couplings.iter().any(|coupling| coupling.follower == *index));
     driven
         .map(|(index, (joint, _))| {
+            // Joints are in the order of the tree, connections in that of the file: names match them.
             let moves_it = |connection: &&Connection| {
                 connection.joint.as_ref().is_some_and(|other| other.name == joint.name)
             };

@@ -25,10 +25,13 @@ impl Spans {
             let mut span = coupling.follower.min(leader)..=coupling.follower.max(leader);
             let overlaps =
                 |other: &RangeInclusive<usize>| other.start() <= span.end() && span.start() <= other.end();
+            // A coupling joins the earlier spans that it overlaps: all their joints then need one segment.
             let (joined, apart): (Vec<_>, Vec<_>) = spans.near.iter().cloned().partition(overlaps);
             for other in joined {
                 span = *other.start().min(span.start())..=*other.end().max(span.end());
             }
+            // If the joined span does not fit into a segment, the earlier spans stay as they are and this
+            // coupling is distant.
             let is_near = is_chain(links, &span);
             if is_near {
                 spans.near = apart;
@@ -60,6 +63,7 @@ pub(crate) fn compile<T: Real>(
     segments: &mut [Segment],
 ) -> Result<Vec<Coupling<T::K>>, PhysicsError> {
     let mut all = Vec::with_capacity(model.couplings.len());
+    // Appends those wanted and returns the end of their range.
     let mut add = |wanted: &dyn Fn(usize, bool) -> bool| {
         for (coupling, &distant) in model.couplings.iter().zip(&spans.distant) {
             if wanted(coupling.follower, distant) {
@@ -70,6 +74,7 @@ pub(crate) fn compile<T: Real>(
     };
     let mut first = 0;
     for segment in segments.iter_mut() {
+        // Link i moves with joint i − 1.
         let joints = segment.first - 1..segment.first - 1 + segment.len;
         let end = add(&|follower, distant| !distant && joints.contains(&follower))?;
         segment.couplings = first..end;
@@ -86,6 +91,7 @@ fn compile_coupling<T: Real>(
 ) -> Result<Coupling<T::K>, PhysicsError> {
     let (k, b, gain) = reference(&coupling.solref, coupling.solimp[1], settings);
     let label = format!("coupling of joint `{}`", model.joints[coupling.follower].name);
+    // A very hard reference would overflow in a step of single precision.
     for (quantity, value) in [("the stiffness of solref", k), ("the damping of solref", b)] {
         if !(value as f32).is_finite() {
             let must = "finite in single precision";

@@ -35,6 +35,7 @@ pub(crate) fn couple<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Wo
             let sum = &mut contacts.matrix[sparsity.joints(k, i)];
             *sum = *sum + element;
         }
+        // The right side loses Jᵀ D J s₀, with J = 1 at the follower and −slope at the leader.
         let pull = row.d * step;
         let follower = &mut contacts.change[sparsity.joint(coupling.follower)];
         *follower = *follower - pull;

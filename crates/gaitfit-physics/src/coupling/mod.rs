@@ -40,6 +40,7 @@ separate! {
     pub(crate) fn prepare<T>(tree: &Tree<T::K>, params: &Params<T>, state: &State<T>, work: &mut Work<T>) {
         for (index, coupling) in tree.couplings.iter().enumerate() {
             let moved = |joint: usize| state.qpos[joint] - T::k(tree.links[joint + 1].reference);
+            // The gap is the follower's position less the polynomial of the leader's, and is to be zero.
             let mut gap = moved(coupling.follower) - T::k(coupling.polynomial[0]);
             let mut velocity = state.qvel[coupling.follower];
             let mut weight = params.joints[coupling.follower].weight;
@@ -49,6 +50,7 @@ separate! {
                 let [_, linear, square, cube, fourth] = coupling.polynomial.map(|c| T::k(c));
                 gap = x.fnma(x.fma(x.fma(x.fma(fourth, cube), square), linear), gap);
                 let [square, cube, fourth] = [T::lit(2.0) * square, T::lit(3.0) * cube, T::lit(4.0) * fourth];
+                // The same polynomial's derivative.
                 slope = x.fma(x.fma(x.fma(fourth, cube), square), linear);
                 velocity = slope.fnma(state.qvel[leader], velocity);
                 // The reciprocal of the sum of both joints' inverse inertias.
@@ -92,12 +94,14 @@ pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, index: usize, state: &State<T>, 
             hessian: [Some((follower, follower, row.d)), None, None],
         };
     };
+    // The Hessian is Jᵀ D J with J = (1, −slope).
     let mixed = -(row.slope * row.d);
     Terms {
         torques: [Some((follower, force)), Some((leader, -(row.slope * force)))],
         hessian: [
             Some((follower, follower, row.d)),
             Some((leader, leader, -(row.slope * mixed))),
+            // Below the diagonal: the later joint is the row.
             Some((follower.max(leader), follower.min(leader), mixed)),
         ],
     }
@@ -113,6 +117,7 @@ pub(crate) fn near_terms<T: Real>(
 ) -> Terms<T> {
     let terms = terms(tree, index, state, work);
     for &(joint, torque) in terms.torques.iter().flatten() {
+        // The slope of the rows' cost along a step is read from the joints' rows.
         let joint = &mut work.joints[joint];
         joint.row = joint.row + torque;
     }

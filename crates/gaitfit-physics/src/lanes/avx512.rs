@@ -79,6 +79,8 @@ fn quarters(k: F32x16, s: F32x16, c: F32x16) -> (F32x16, F32x16) {
         let k = _mm512_cvtps_epi32(k.0);
         let one = _mm512_set1_epi32(1);
         let two = _mm512_set1_epi32(2);
+        // An odd quarter swaps sine and cosine. Bit 1 of k, moved to bit 31, is the sine's sign; that of k +
+        // 1 the cosine's.
         let odd = _mm512_test_epi32_mask(k, one);
         let sine = _mm512_castps_si512(_mm512_mask_blend_ps(odd, s.0, c.0));
         let cosine = _mm512_castps_si512(_mm512_mask_blend_ps(odd, c.0, s.0));

@@ -76,34 +76,41 @@ impl<K: Copy> Modify<K> for Gears {
             let (angle, velocity) = (state.qpos[j], state.qvel[j]);
             let link = velocity + offset_rate;
             let acceleration = state.qacc[j] + offset_acceleration;
+            // The link's velocity at the end of the step, predicted.
             let ahead = h.fma(acceleration, link);
             // The motor: `impedance` times its velocity after the step is `effort`, with all torques but the gear's. The impedance
             // is its inertia over the step and what resists its velocity, N·m·s/rad.
             let torque = drive.torque;
+            // At the torque limit the controller's torque does not depend on velocity, so its gain damps
+            // nothing.
             let controlled = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
             let damping = p.damping + controlled + drive.resistance;
             let impedance =
                 T::lit(later).fma(damping, p.armature.max(T::lit(ROTOR)) * T::lit(1.0 / settings.timestep));
             let effort = impedance.fma(velocity, p.damping.fnma(velocity, torque));
             let friction = dry_friction(p, velocity, torque);
-            // Where nothing touches.
+            // Where nothing touches. Dry friction takes all of an effort within its bound: the rotor stands still.
             let held = effort.clamp(-friction, friction);
             let free = (effort - held).div(impedance);
+            // Motor less link after the step if nothing touched: its sign is that of the flank ahead.
             let twist = h.fma(free - ahead, -offset);
             let half = T::lit(0.5) * p.play;
             let side = T::select_lt(z, twist, half, -half);
             // On a flank: the gear's spring (N·m) and its impedance (`grip`, N·m·s/rad).
             let stiffness = p.compliance.max(T::lit(RIGID)).recip();
             let grip = stiffness * T::lit(settings.timestep + RETARDATION);
+            // At the end of the step the gear's torque is `spring` + `grip` · (motor's velocity − link's).
             let spring = stiffness * (-offset - side);
             let sum = impedance + grip;
             let pushed = grip.fma(ahead, effort - spring);
             let rubbed = pushed.clamp(-friction, friction);
+            // A rotor that friction holds gives the spring a fixed end.
             let slips = |slip, stick| T::select_lt(pushed.abs(), friction, stick, slip);
             let share = grip.div(sum);
             let driven = effort - rubbed;
             let torque_slip = share.fma(driven, (T::lit(1.0) - share) * spring);
             let mobility = impedance.recip();
+            // A twist within the play leaves the link free.
             let touching = |flank, gap| T::select_lt(half, twist.abs(), flank, gap);
             drive.gear = Some(Engaged {
                 torque: touching(slips(torque_slip, spring), z),
@@ -131,6 +138,7 @@ impl<K: Copy> Modify<K> for Gears {
         let h = T::lit(settings.timestep);
         for j in 0..self.joints {
             let Some(gear) = drives[j].gear.take() else { continue };
+            // τ = α − β v', with the link's velocity after the step.
             let torque = gear.resistance.fnma(state.qvel[j], gear.torque);
             let velocity = gear.mobility.fnma(torque, gear.rate);
             let acceleration = (velocity - gear.motor[1]) * T::lit(1.0 / settings.timestep);
@@ -138,6 +146,7 @@ impl<K: Copy> Modify<K> for Gears {
             memory[MEMORY * j] = state.qpos[j] - angle;
             memory[MEMORY * j + 1] = state.qvel[j] - velocity;
             memory[MEMORY * j + 2] = state.qacc[j] - acceleration;
+            // Outside of the step the state is that of the motors.
             state.qpos[j] = angle;
             state.qvel[j] = velocity;
             state.qacc[j] = acceleration;

@@ -55,6 +55,7 @@ impl<K: Copy> Modify<K> for LateImu {
         memory: &mut [T],
         _targets: &mut [T],
     ) {
+        // The reading after the next moves up, and a new one begins behind it.
         for place in 0..memory.len() - PART {
             memory[place] = memory[place + PART];
         }
@@ -77,6 +78,8 @@ impl<K: Copy> Modify<K> for LateImu {
         _drives: &mut [Drive<T>],
     ) {
         for part in memory.chunks_exact_mut(PART) {
+            // The state before the step is added here, that after it taken off in `release`: minus the step's
+            // change.
             let share = share(settings, params, part[IMU_READING]);
             for (sum, number) in part.iter_mut().zip(truth(state)) {
                 *sum = share.fma(number, *sum);

@@ -291,6 +291,7 @@ pub struct SensorPlaces {
 impl SensorPlaces {
     /// Those of `modifications`.
     pub fn new<K: Copy>(modifications: &[JointModification<K>]) -> Self {
+        // Without sensors that remember, `begin` is the end of the memory.
         let mut places = Self { begin: memory_of(modifications), velocities: None, imu: None };
         let mut place = 0;
         for one in modifications {

@@ -47,12 +47,15 @@ impl<K: Copy> JointNetwork<K> {
             let position = input % 2 == 0;
             for unit in 0..width {
                 let weight = &mut folded[input * width + unit];
+                // scale · (q − rest) = scale · q − scale · rest: the second part is constant and goes into
+                // the bias.
                 *weight *= if position { scales.position } else { scales.velocity };
                 if position {
                     folded[INPUTS * width + unit] -= rest * folded[input * width + unit];
                 }
             }
         }
+        // The last layer is linear, so its weights and bias carry the output's unit.
         for weight in &mut folded[NETWORK_WEIGHTS - HIDDEN[1] - 1..] {
             *weight *= scales.output;
         }
@@ -92,6 +95,8 @@ impl<K: Copy> JointNetwork<K> {
         let [first, second, last] = self.layers();
         let (a, b, y) = self.evaluate(x);
         let slope = |tanh: T| tanh.fnma(tanh, T::lit(1.0));
+        // The chain rule from the first layer on: only the input x₁ varies, whose weights are the matrix's
+        // second row.
         let a: [T; HIDDEN[0]] = std::array::from_fn(|unit| slope(a[unit]) * T::k(first[HIDDEN[0] + unit]));
         let mut dy = T::zero();
         for unit in 0..HIDDEN[1] {

@@ -54,6 +54,7 @@ impl<K: Copy> Modify<K> for ResidAct<K> {
             let drive = &mut drives[network.joint];
             let (torque, slope) = network.advance_with_slope(params, state, past);
             drive.torque = drive.torque + torque;
+            // A torque that grows with velocity would damp less than nothing: it stays explicit.
             drive.resistance = drive.resistance + (-slope).max(T::zero());
         }
     }

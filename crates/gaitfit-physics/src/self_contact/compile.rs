@@ -59,6 +59,7 @@ pub(crate) fn compile<T: Real>(
             }
         }
         let shapes = [0, 1].map(|side| {
+            // The loop above has given both links a place.
             let pose = links[ends[side].link].touching.unwrap_or(0);
             shape::<T>(&pair.geoms[side], &ends[side], pose)
         });
@@ -94,6 +95,7 @@ fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<SelfContactJoint> {
         chain
     };
     let [first, second] = ends.map(chain);
+    // A joint that carries both links moves them as one, so the contact does not feel it.
     let alone = |link: &usize, other: &[usize]| !other.contains(link);
     let ours = first
         .iter()
@@ -116,6 +118,7 @@ fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> SelfContactShape<T::
     let (form, radius) = match geom.shape {
         Shape::Sphere { radius } => (Form::Ball, radius),
         Shape::Capsule { radius, half_length } => (Form::Rod(k3(scale(half_length, column(2)))), radius),
+        // `compile_pair` refuses cylinders, so this form is never used.
         Shape::Cylinder { radius, .. } => (Form::Ball, radius),
         Shape::Box { half_size } => {
             (Form::Block([k3(column(0)), k3(column(1)), k3(column(2))], k3(half_size)), 0.0)
@@ -160,6 +163,7 @@ fn compile_pair<T: Real>(
     let (stiffness, damping, gain) = reference(&pair.solref, dmax, settings);
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     let separate = elliptic && pair.solreffriction != [0.0; 2];
+    // MuJoCo reads zeros as the reference of the normal.
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
     let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
     Ok(SelfContactPair {

@@ -158,6 +158,7 @@ impl<T: Real> SelfContactWork<T> {
     /// Scratch for the pairs of a tree with so many links; `floating`: whether the base moves.
     pub fn new<K>(contacts: &SelfContacts<K>, links: usize, floating: bool) -> Self {
         let z = T::zero();
+        // A robot whose parts do not touch needs no room for this.
         let some = |count: usize| if contacts.is_empty() { 0 } else { count };
         let joints = links - 1;
         let n = some(joints + if floating { 6 } else { 0 });

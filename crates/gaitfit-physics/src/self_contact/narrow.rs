@@ -52,6 +52,7 @@ pub(crate) fn spots<T: Real>(
     poses: [&Pose<T>; 2],
     centers: [V3<T>; 2],
 ) -> [Spot<T>; MAX_POINTS] {
+    // Where a pair has one point, the further ones are copies that nothing reads.
     let [first, second] = &pair.shapes;
     let radii = [T::k(first.radius), T::k(second.radius)];
     match (&first.form, &second.form) {
@@ -130,6 +131,7 @@ fn rods<T: Real>(
         u: -dot(axes[0], apart),
         v: dot(axes[1], apart),
     };
+    // Determinant of the two equations for the lines' nearest points; zero if they are parallel.
     let det = r.mb.fnma(r.mb, r.ma * r.mc);
     let parallel = det.abs();
     // Skew: the nearest points of the lines, moved onto the rods one after the other.
@@ -150,6 +152,7 @@ fn rods<T: Real>(
     let margin = T::k(pair.margin);
     for (x1, x2) in places {
         let spot = balls(axpy(x1, axes[0], centers[0]), axpy(x2, axes[1], centers[1]), radii);
+        // Without branches: a spot that touches goes to the first of the two places that is still free.
         let touches = T::select_lt(spot.distance, margin, one, T::zero());
         let none = T::select_lt(spots[0].distance, far, T::zero(), one);
         let single = (one - none) * T::select_lt(spots[1].distance, far, T::zero(), one);

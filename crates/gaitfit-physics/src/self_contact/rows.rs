@@ -21,6 +21,7 @@ separate! {
             let [first, second] = &pair.shapes;
             let poses = [&work.touching[first.pose], &work.touching[second.pose]];
             let centers = [center(first, poses[0]), center(second, poses[1])];
+            // The balls about both shapes first: they spare distant pairs the search for the nearest points.
             let between = sub(centers[1], centers[0]);
             let near = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
             let mut spots_of_pair = [Spot::far(); MAX_POINTS];
@@ -77,6 +78,7 @@ fn point<T: Real>(
     for (place, contacts) in joints.iter().enumerate() {
         let (segment, member) = tree.self_contact.homes[contacts.joint];
         let axis = work.segments[segment].axis[member];
+        // A row is the velocity of the second link's point less that of the first's.
         let sign = T::lit(if contacts.second { 1.0 } else { -1.0 });
         let linear = scale(sign, rotate(&frame, cross_add(axis[0], spot.x, axis[1])));
         let angular = scale(sign, rotate(&frame, axis[0]));
@@ -90,6 +92,7 @@ fn point<T: Real>(
     }
     let depth = spot.distance - T::k(pair.margin);
     let imp = impedance(&pair.impedance, depth);
+    // As in `contact::point_rows`.
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
     let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
     let spring = T::k(pair.reference.k) * (imp * depth);

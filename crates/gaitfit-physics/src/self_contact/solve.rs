@@ -33,6 +33,7 @@ separate! {
                 continue;
             }
             let joints = &tree.self_contact.joints[pair.joints.clone()];
+            // The region adds to copies, which are merged after it.
             for (sum, joint) in contacts.sums.iter_mut().zip(joints) {
                 *sum = contacts.torque[joint.joint];
             }
@@ -197,6 +198,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         T::leave(active);
         work.self_contact.carried[link].merge(active, &before);
     }
+    // Children first, so that what a link carries is complete when its joint is reached.
     for link in (1..=joints).rev() {
         let j = link - 1;
         let (curvature, _) = joint_row(&mut work.joints[j], work.limited[j], state.qacc[j]);
@@ -207,11 +209,13 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         let force = carried.mul(axis);
         work.self_contact.matrix[sparsity.joints(j, j)] =
             dot6_add(axis, force, segment.mass[member] + curvature);
+        // Inner joints of the same segment: the rigid part of their element is in the segment's mass matrix.
         let first = tree.segments[home].first;
         for i in 0..member {
             let inner = dot6_add(segment.axis[i], force, segment.mass[2 + member + i]);
             work.self_contact.matrix[sparsity.joints(j, first + i - 1)] = inner;
         }
+        // For joints further in, the segment's own links count as well.
         let force = add6(force, segment.force[member]);
         let mut outer = tree.links[first].parent;
         while outer > 0 {
@@ -227,6 +231,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         }
         work.self_contact.carried[tree.links[link].parent].add(&carried);
     }
+    // The near couplings. `distant::couple` adds the others.
     for number in 0..tree.self_contact.couplings.start {
         let terms = coupling::near_terms(tree, number, state, work);
         for (k, i, element) in terms.hessian.into_iter().flatten() {

@@ -25,6 +25,7 @@ impl Sparsity {
         let mut filled = vec![false; size * (size + 1) / 2];
         for joint in 0..joints {
             let mut next = parents[joint];
+            // The inertia of a link couples all the joints that carry it.
             while let Some(carrier) = next {
                 filled[sparsity.joints(joint, carrier)] = true;
                 next = parents[carrier];
@@ -39,6 +40,7 @@ impl Sparsity {
         for row in joints..size {
             (0..row).for_each(|column| filled[at(row, column)] = true);
         }
+        // Elimination of column k, in symbols: each pair of its nonzero rows becomes a nonzero element.
         for k in 0..size {
             let below: Vec<usize> = (k + 1..size).filter(|&row| filled[at(row, k)]).collect();
             for (number, &j) in below.iter().enumerate() {

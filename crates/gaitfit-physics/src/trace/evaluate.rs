@@ -17,6 +17,7 @@ impl Graph {
     /// Computes `nodes`, which are those of the region `parent` or all.
     fn run(&self, parent: Option<u32>, nodes: Range<u32>, inputs: &[f64], values: &mut [f64]) {
         let mut at = nodes.start;
+        // Inner regions come in the order of their nodes; the nodes between them belong to none.
         let inner = self.regions.iter().enumerate().filter(|(_, region)| region.parent == parent);
         for (index, region) in inner {
             self.line(at..region.nodes.start, inputs, values);
@@ -25,6 +26,7 @@ impl Graph {
             match &region.kind {
                 RegionKind::Guarded(guard) => {
                     if values[guard.0 as usize] == 0.0 {
+                        // NaN shows in the outputs if something uses a number that was left out.
                         values[region.nodes.start as usize..at as usize].fill(f64::NAN);
                     } else {
                         self.run(Some(index), region.nodes.clone(), inputs, values);
@@ -38,6 +40,8 @@ impl Graph {
                         let first = region.nodes.start as usize;
                         values[first..first + now.len()].copy_from_slice(&now);
                         self.run(Some(index), region.nodes.clone(), inputs, values);
+                        // All are read before any is written: the next value of one may be the variable of
+                        // another.
                         now = carried.iter().map(|one| read(one.next, values)).collect();
                     }
                     // So are results the first nodes after it.
@@ -75,6 +79,7 @@ impl Graph {
                 Node::Cos(a) => at(a).cos(),
                 Node::Round(a) => Real::round(at(a)),
                 Node::Call(function, output, a, b, c) => {
+                    // Each output computes the whole function again, which is good enough for tests.
                     self.functions[function as usize].evaluate(&[at(a), at(b), at(c)])[output as usize]
                 }
                 Node::Gather(table, a) => {

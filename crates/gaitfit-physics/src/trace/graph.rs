@@ -65,6 +65,7 @@ pub enum Node {
 impl Node {
     /// What it is computed from; of a variable or result see its loop.
     pub fn operands(&self) -> impl Iterator<Item = Id> + use<> {
+        // An array, filled up with repeated operands, saves an allocation for each node.
         let (all, count) = match *self {
             Node::Input(_) | Node::Constant(_) | Node::Variable(..) | Node::Result(..) => ([Id(0); 4], 0),
             Node::Neg(a)

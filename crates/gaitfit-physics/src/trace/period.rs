@@ -126,6 +126,7 @@ pub fn record_period_with(
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut modifications = modifications.to_vec();
     let graph = record(|| {
+        // Inputs get their numbers in the order of creation, so this list names them.
         let mut input = |what| {
             inputs.push(what);
             Traced::input()

@@ -42,6 +42,7 @@ thread_local! {
 /// # Errors
 /// A number that leaves a region, or regions that are not nested.
 pub fn record(function: impl FnOnce() -> Vec<Traced>) -> Result<Graph, TraceError> {
+    // A function that is recorded inside another recording begins with an empty one (see [`call`]).
     let outer = RECORDING.take();
     let outputs: Vec<Id> = function().into_iter().map(|traced| traced.0).collect();
     let mut recording = RECORDING.replace(outer);
@@ -135,6 +136,7 @@ pub(super) fn leave(guard: Id) {
 
 impl Recording {
     fn fail(&mut self, error: TraceError) {
+        // The first error is kept: later ones tend to follow from it.
         self.error.get_or_insert(error);
     }
 
@@ -196,6 +198,7 @@ impl Recording {
 
     fn node(&mut self, node: Node) -> Id {
         if let Node::Merge(guard, inside, before) = node {
+            // A merge is outside of the region, but may use the number that was made in it.
             self.check(&[guard, before]);
             let outer = self.scope.clone();
             self.scope.insert(Needs::Guard(guard));
@@ -260,6 +263,7 @@ impl Recording {
         let RegionKind::Loop { carried, .. } = &self.graph.regions[index as usize].kind else {
             return self.fail(TraceError::Nesting);
         };
+        // A copy, because `add` and `fail` below change the graph.
         let mut carried = carried.clone();
         if carried.len() != numbers.len() {
             return self.fail(TraceError::Carried { began: carried.len(), ended: numbers.len() });

@@ -119,6 +119,7 @@ impl Real for Traced {
         Guard(None)
     }
     fn unless_ge(self, b: Self) -> Guard {
+        // Two constants decide the guard while recording; a region that is never needed leaves no nodes.
         if let (Some(a), Some(b)) = (constant(self.0), constant(b.0))
             && a >= b
         {

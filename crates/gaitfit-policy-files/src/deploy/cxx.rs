@@ -155,6 +155,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
 
 /// Numbers of all networks that act.
 fn numbers_of(policy: &Policy) -> usize {
+    // Passed numbers are a table in the header, and count as well.
     let front = match &policy.front {
         None | Some(Front::Function(_) | Front::Graph(_)) => 0,
         Some(Front::Recurrent(recurrent)) => recurrent.parameters().map(<[f32]>::len).sum(),
@@ -211,6 +212,8 @@ fn seen(slot: &Slot) -> Seen {
 
 /// A string literal. All but plain letters, digits and signs are octal, so that no name ends the literal or means more.
 fn string(text: &str) -> String {
+    // An octal escape has three digits, so a digit behind it stays one; `?` would begin a trigraph where they
+    // are kept.
     let byte = |byte: u8| match byte {
         b'"' | b'\\' | b'?' => format!("\\{byte:03o}"),
         b' '..=b'~' => char::from(byte).to_string(),

@@ -124,6 +124,7 @@ fn efforts(
     let joints = interface.resolve(model)?;
     let held = interface.resolve_held(model, &joints)?;
     let mut limits = |joints: &[usize]| {
+        // One joint without a limit leaves all of them out, because a list has a number for each joint.
         let efforts: Option<Vec<f64>> =
             joints.iter().map(|&joint| model.effort(joint).filter(|limit| limit.is_finite())).collect();
         if efforts.is_none() {
@@ -178,6 +179,7 @@ fn unmeasured(interface: &gaitfit_policy::Interface) -> Option<String> {
 /// A template with the numbers of `page`.
 fn render(template: &str, page: impl Serialize) -> Result<String, PolicyError> {
     let mut environment = Environment::new();
+    // No text here is HTML, and a missing number must not leave an empty place in a robot's file.
     environment.set_auto_escape_callback(|_| AutoEscape::None);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     let failed = |error: minijinja::Error| invalid(format!("the text cannot be made: {error}"));

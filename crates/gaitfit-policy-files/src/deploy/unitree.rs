@@ -52,6 +52,7 @@ pub(super) fn obstacle(interface: &Interface) -> Option<String> {
     if many && interface.history.order == FrameOrder::NewestFirst {
         return Some("unitree_rl_lab has no history whose newest frame comes first".to_owned());
     }
+    // The last obstacle: without a term that is there twice, `?` says that there is none.
     let twice = (1..terms.len())
         .find(|&index| terms[..index].iter().any(|term| term.quantity == terms[index].quantity))?;
     Some(format!(
@@ -68,6 +69,7 @@ fn places(interface: &Interface) -> Option<sdk::Places> {
 /// The text of `deploy.yaml`, for a policy without an [`obstacle`].
 pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String, PolicyError> {
     let interface = &policy.interface;
+    // An interface without places has an `obstacle`, and no text is written of it.
     let (robot, places) = places(interface).unwrap_or_default();
     let place = |name: &str| places.iter().position(|&joint| joint == name);
     let ids: Vec<usize> = interface.joints.iter().filter_map(|name| place(name)).collect();

@@ -126,6 +126,7 @@ impl Terms {
                      again with mjlab, or describe it in a TOML file (docs/policies-motion.md)"
                 )));
             }
+            // One term of a motion may be several quantities.
             let of_term = match if tracks { terms::of_motion(name) } else { None } {
                 Some(several) => several.to_vec(),
                 None => vec![Quantity::from_foreign(name).ok_or_else(|| invalid(terms::unknown(name)))?],
@@ -186,6 +187,7 @@ impl Terms {
     /// Refuses terms that are not the network's, and histories and clips that are not read.
     fn check(&self, entries: &Entries, inputs: usize, histories: &[usize]) -> Result<(), PolicyError> {
         let quantities = || self.quantities.iter().map(|(_, quantity)| *quantity);
+        // The lengths come from a file, so the sum may overflow.
         let width = quantities().zip(histories).try_fold(0_usize, |sum, (quantity, &length)| {
             sum.checked_add(quantity.width(entries.outputs).checked_mul(length)?)
         });

@@ -211,6 +211,7 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
 
 /// Why the text is no such file, in the file's words.
 fn unreadable(error: &str) -> PolicyError {
+    // The reader's own words for an entry of no known kind name a type of this program.
     let reason = match error.contains("did not match any variant") {
         true => {
             "an entry of `observations` is neither a term (with `params`, `scale`, `clip` and `history_length`), nor a switch, nor \

@@ -132,6 +132,7 @@ impl Chain {
                 )));
             }
             let at = |values: &[f64], index: usize| if values.len() == 1 { values[0] } else { values[index] };
+            // Two in a row become one: f₂ (f₁ x + o₁) + o₂.
             let both = |index| {
                 let scale = at(&factor, index);
                 (scale * at(&before.factor, index), scale * at(&before.offset, index) + at(&offset, index))
@@ -150,6 +151,7 @@ impl Chain {
             }
         }
         let at = |values: &[f64], index: usize| if values.len() == 1 { values[0] } else { values[index] };
+        // (x W + b) f + o is x (W f) + (b f + o), with a factor for each column of W.
         for row in layer.weight.chunks_exact_mut(layer.outputs) {
             for (output, weight) in row.iter_mut().enumerate() {
                 *weight = (f64::from(*weight) * at(&factor, output)) as f32;
@@ -189,6 +191,7 @@ impl Chain {
                 "the layer before it has {last}, others {other}; all hidden layers must use one activation"
             )));
         }
+        // A further layer shows that the activation before it is that of a hidden layer.
         self.activation = self.last.take().or(self.activation);
         if let (true, None, Some(before)) = (self.layers.is_empty(), &self.memory, &self.before) {
             let width = before.factor.len();
@@ -215,6 +218,7 @@ impl Chain {
         if norm.weight.len() != width || norm.bias.len() != width {
             return Err(misfit(format!("its weights are not {width}, as the layer before it gives")));
         }
+        // Layers before this one without a norm.
         self.norms.resize(self.layers.len() - 1, None);
         self.norms.push(Some(norm));
         Ok(())
@@ -265,6 +269,7 @@ impl Chain {
         if range.is_empty() || range.end > layer.outputs {
             return Err(misfit(format!("it takes numbers {range:?} of {}", layer.outputs)));
         }
+        // The part is what a layer with these columns alone gives.
         let rows = layer.weight.chunks_exact(layer.outputs);
         layer.weight = rows.flat_map(|row| row[range.clone()].to_vec()).collect();
         layer.bias = layer.bias[range.clone()].to_vec();

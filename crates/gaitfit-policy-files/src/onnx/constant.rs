@@ -40,6 +40,8 @@ impl Constant {
             return Err(invalid(format!("tensor {name} has an impossible shape")));
         };
         let raw = &tensor.raw_data;
+        // ONNX keeps numbers in a list of their type or as little-endian bytes; an empty one says that it is
+        // the other.
         let (values, rest): (Vec<f64>, usize) = match tensor.data_type {
             FLOAT if raw.is_empty() => (tensor.float_data.iter().map(|&x| f64::from(x)).collect(), 0),
             FLOAT => {

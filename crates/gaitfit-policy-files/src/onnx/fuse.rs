@@ -156,6 +156,7 @@ impl Nodes<'_> {
             inner.push(sum);
             let operator = match self.made_by(bell, "Erf") {
                 Some(erf) => {
+                    // x / √2 is written as a quotient or as a product.
                     let scaled = *self.producer.get(self.input(erf, 0)?)?;
                     let root = match self.nodes[scaled].op_type.as_str() {
                         "Div" if self.input(scaled, 0) == Some(x) => {
@@ -168,6 +169,8 @@ impl Nodes<'_> {
                     (root == Some(x)).then_some("Gelu")?
                 }
                 None => {
+                    // The argument of the tangent: a product of √(2/π) and a sum, whose cube is a product or
+                    // a power.
                     let tanh = self.made_by(bell, "Tanh")?;
                     let outer = self.made_by(self.input(tanh, 0)?, "Mul")?;
                     let (names, number) = self.factors(outer, &mut inner, 1)?;
@@ -201,6 +204,7 @@ impl Nodes<'_> {
     /// (x − mean) / √(variance + ε) over the last axis.
     fn layer_norm(&self, node: &Node) -> Option<Fused> {
         let [centred, root] = &node.input[..] else { return None };
+        // From the quotient upwards: root, sum with ε, variance, square, difference and mean of the same x.
         let root = self.made_by(root, "Sqrt")?;
         let sum = self.made_by(self.input(root, 0)?, "Add")?;
         let [a, b] = &self.nodes[sum].input[..] else { return None };

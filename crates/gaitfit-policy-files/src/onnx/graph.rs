@@ -158,6 +158,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
         parts: Parts::default(),
     };
     let ends: Vec<String> = model.outputs.iter().map(|output| output.name.clone()).collect();
+    // Functions of several nodes become one first, because the walk follows a single value.
     let nodes = fuse(model.nodes.clone(), &model.constants, &ends);
     walk.parts.need(&nodes, &ends);
     for node in &nodes {
@@ -359,6 +360,7 @@ impl Walk {
                 self.chain.clip(low, high)
             }
             ("Max" | "Min", _) if inputs.len() == 2 => {
+                // If the layers' value is the first input, the constant is the second.
                 let other = constant(usize::from(first)).and_then(Constant::as_scalar);
                 let limit = other.ok_or(misfit("it needs one constant number beside the layers' value"))?;
                 match node.op_type.as_str() {

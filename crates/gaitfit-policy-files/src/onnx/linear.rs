@@ -39,6 +39,7 @@ pub(super) fn gemm(
                 layer.outputs
             )));
         }
+        // A bias of one number is that of all outputs.
         layer.bias = (0..layer.outputs).map(|index| beta * row[index.min(row.len() - 1)] as f32).collect();
     }
     Ok(layer)

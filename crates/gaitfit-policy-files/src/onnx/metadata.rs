@@ -42,6 +42,7 @@ pub struct Header {
 pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
     let interface = &policy.interface;
     let header = Header {
+        // The checksum of the whole file is known last and takes this place.
         sha256: Some(checksum::blank()),
         format: FORMAT,
         interface: interface.clone(),

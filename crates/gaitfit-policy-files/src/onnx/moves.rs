@@ -95,6 +95,7 @@ fn reshape(constant: &Constant, asked: &[f64]) -> Option<Constant> {
     for (place, &length) in asked.iter().enumerate() {
         dims.push(match length {
             -1.0 if open.is_none() => {
+                // Its length follows from the others; until then it counts as one.
                 open = Some(place);
                 1
             }
@@ -150,6 +151,7 @@ fn slice(constant: &Constant, inputs: &[&Constant], attributes: &Attributes, max
     }
     let mut slice = constant.clone();
     for number in 0..cut {
+        // Without a list the first axes are cut, in their order.
         let named = match &axes {
             Some(axes) => *axes.get(number)? as i64,
             None => number as i64,
@@ -242,6 +244,7 @@ fn concat(inputs: &[&Constant], axis: usize, max: usize) -> Option<Constant> {
     }
     let (runs, wide) = blocks(&first.dims, axis);
     let mut values = Vec::with_capacity(total);
+    // In row-major order the blocks of all inputs alternate, once a run.
     for run in 0..runs {
         for one in inputs {
             let long = one.dims[axis] * wide;
@@ -264,6 +267,7 @@ fn transpose(constant: &Constant, order: &[usize]) -> Option<Constant> {
     let dims: Vec<usize> = order.iter().map(|&axis| constant.dims[axis]).collect();
     let strides: Vec<usize> = order.iter().map(|&axis| stride(axis)).collect();
     let mut values = Vec::with_capacity(constant.values.len());
+    // The place of a number in the result, axis by axis from the last one on, gives its place in the source.
     for number in 0..constant.values.len() {
         let (mut rest, mut from) = (number, 0);
         for (length, stride) in dims.iter().zip(&strides).rev() {

@@ -24,6 +24,7 @@ impl Parts {
     /// Finds the values that `outputs` are computed from. Nodes are in the order in which they run.
     pub fn need(&mut self, nodes: &[Node], outputs: &[String]) {
         self.needed = outputs.iter().cloned().collect();
+        // Backwards, everything that reads a value is known before the node that gives it.
         for node in nodes.iter().rev() {
             if node.output.iter().any(|name| self.needed.contains(name)) {
                 self.needed.extend(node.input.iter().cloned());

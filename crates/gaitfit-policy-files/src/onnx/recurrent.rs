@@ -31,6 +31,7 @@ impl Walk {
         let known = node.input.first().and_then(|name| self.states.get(name)).copied();
         let Some(mut state) = known.filter(|_| passes.contains(&node.op_type.as_str())) else { return false };
         let index = node.input.get(1).and_then(|name| self.constants.get(name)).and_then(Constant::as_scalar);
+        // Layers lie along a state's first axis: the cut's beginning is the layer's number.
         if matches!(node.op_type.as_str(), "Slice" | "Gather") {
             state.layer = index.filter(|&index| index >= 0.0).map(|index| index as usize);
         }

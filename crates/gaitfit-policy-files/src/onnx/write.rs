@@ -119,6 +119,7 @@ fn model(
     }
     let layers = take_apart(network);
     for (index, layer) in layers.iter().enumerate() {
+        // As `nn.Sequential` numbers them: activations count too.
         let name = format!("actor.{}", 2 * index);
         let (weight, bias) = (format!("{name}.weight"), format!("{name}.bias"));
         constants.push(constant(&weight, &[layer.outputs, layer.inputs], &layer.transposed()));

@@ -31,6 +31,8 @@ pub(super) fn remember(
         // Lengths of sequences: absent.
         inputs.push(String::new());
         for [before, _] in states {
+            // The states of a single layer are the graph's own; those of several are cut out of it and joined
+            // again.
             inputs.push(if count == 1 {
                 (*before).to_owned()
             } else {

@@ -35,6 +35,7 @@ impl Reduction {
                 Self::Sum | Self::Mean => *sum + x,
                 Self::L1 => *sum + x.abs(),
                 Self::L2 | Self::SumSquare => *sum + x * x,
+                // A NaN is taken and stays, because no number compares as larger.
                 Self::Max if x > *sum || x.is_nan() => x,
                 Self::Min if x < *sum || x.is_nan() => x,
                 Self::Max | Self::Min => *sum,
@@ -69,6 +70,7 @@ impl Along {
     /// Writes its values for one robot, for runs of `length` numbers that are `stride` apart.
     pub fn apply(self, out: &mut [f32], input: &[f32], length: usize, stride: usize) {
         let mut run = vec![0.0; length];
+        // Runs are interleaved: `stride` of them begin one beside the other in each block.
         for block in 0..input.len() / (length * stride) {
             for start in block * length * stride..block * length * stride + stride {
                 for (number, x) in run.iter_mut().enumerate() {

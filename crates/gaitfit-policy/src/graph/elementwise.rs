@@ -72,6 +72,7 @@ impl Function {
             Self::HardSigmoid([slope, offset]) => {
                 numbers.iter_mut().for_each(|x| *x = (slope * *x + offset).clamp(0.0, 1.0));
             }
+            // ONNX fixes slope and offset of this one.
             Self::HardSwish => each(numbers, |x| x * (x / 6.0 + 0.5).clamp(0.0, 1.0)),
             Self::Mish => each(numbers, |x| x * softplus(x).tanh()),
         }

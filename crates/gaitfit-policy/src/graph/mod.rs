@@ -230,6 +230,7 @@ impl Graph {
                 let robots = observation[first * plan.observed..].chunks_exact(plan.observed).take(rows);
                 robots.for_each(|robot| value.extend(feed.places.iter().map(|&place| robot[place])));
             }
+            // The memory of the control step before is an input like any other.
             for (number, one) in plan.carried.iter().enumerate() {
                 let kept = &memory.of_kind(number)[first * one.count..(first + rows) * one.count];
                 values[one.value].clear();
@@ -365,6 +366,7 @@ impl Plan {
 
     /// The numbers of a step whose inputs are all constants.
     pub fn constant_of(&self, step: &Step) -> Vec<f32> {
+        // What is made of constants is the same for all robots: one row stands for them.
         let mut values = vec![Vec::new(); self.counts.len()];
         self.step(step, 1, &mut values);
         std::mem::take(&mut values[step.output])

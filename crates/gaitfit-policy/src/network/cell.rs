@@ -186,6 +186,7 @@ fn gru_units<T: Scalar, const FUSED: bool, const N: usize>(
     for u in 0..N {
         r[u] = sigmoid::<T, FUSED>(r[u] + br[u] + (hr[u] + cr[u]));
         z[u] = sigmoid::<T, FUSED>(z[u] + bz[u] + (hz[u] + cz[u]));
+        // Kept with its bias: the derivative of the reset gate needs it.
         hn[u] += cn[u];
         n[u] = tanh::<T, FUSED>(n[u] + bn[u] + r[u] * hn[u]);
         out[u] = (T::ONE - z[u]) * n[u] + z[u] * before[u];

@@ -16,6 +16,7 @@ pub(crate) fn layer<T: Scalar>(
     let output = &mut output[..rows * layer.outputs];
     let bias = &parameters[layer.bias.clone()];
     let last = index + 1 == layers.len();
+    // Few outputs would leave the vectors of a matrix product half empty.
     if last && (2..=lanes::NARROW).contains(&layer.outputs) {
         let input = &input[..rows * layer.inputs];
         return lanes::multiply_narrow(output, input, &parameters[layer.weight.clone()], bias);
@@ -46,5 +47,6 @@ pub(crate) fn normed_layer(
     matmul::multiply(output, x, w, false);
     lanes::add_bias(output, &parameters[layer.bias.clone()]);
     norm.apply(output);
+    // The norm's bias goes into the pass of the activation.
     lanes::add_bias_and_activate(output, &norm.bias, activation);
 }

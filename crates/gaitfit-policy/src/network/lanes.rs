@@ -27,6 +27,7 @@ fn multiply_and_sum<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], slope: impl
     if rest.is_empty() {
         return;
     }
+    // The columns beyond the last whole block.
     let first = width - rest.len();
     for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
         for ((d, &h), sum) in d[first..].iter_mut().zip(&h[first..]).zip(&mut *rest) {
@@ -239,6 +240,8 @@ kernels! {
         let [share_1, share_2, factor, rate, correction, epsilon] = rates;
         let moments = first.iter_mut().zip(second);
         for ((parameter, (first, second)), &gradient) in parameters.iter_mut().zip(moments).zip(gradient) {
+            // Kingma and Ba (2015), Algorithm 1: both corrections for the moments' start at zero are in
+            // `rates`.
             let g = gradient * factor;
             *first += share_1 * (g - *first);
             *second += share_2 * (g * g - *second);

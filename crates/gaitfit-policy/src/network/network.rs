@@ -143,6 +143,7 @@ impl Network {
         scratch: &mut Scratch,
     ) {
         let Some(normaliser) = normaliser else { return self.forward(rows, input, output, scratch) };
+        // Taken out for the while, because `forward` borrows the scratch as a whole.
         let mut normalised = std::mem::take(&mut scratch.normalised);
         let size = rows * self.shape.inputs;
         normalised.resize(size, 0.0);
@@ -170,6 +171,7 @@ impl Network {
         for (input, output) in tiles.zip(output[..rows * outputs].chunks_mut(TILE * outputs)) {
             let rows = input.len() / inputs;
             for index in 0..layers.len() {
+                // Two buffers in turn: a layer reads what the one before it wrote.
                 let (from, to) = if index % 2 == 0 { (&*odd, &mut *even) } else { (&*even, &mut *odd) };
                 let from = if index == 0 { input } else { from };
                 let to = if index + 1 == layers.len() { &mut *output } else { to };
@@ -183,6 +185,7 @@ impl Network {
                 }
             }
             if let Some(activation) = self.output {
+                // The last layer has added its bias, so that of the kernel is zero.
                 lanes::add_bias_and_activate(output, &vec![0.0; outputs], activation);
             }
         }

@@ -52,6 +52,7 @@ impl Normaliser {
     /// μ = μ_a + δ n_b/n and n σ² = n_a σ_a² + n_b σ_b² + δ² n_a n_b/n. Both have one width.
     pub fn merge(&mut self, other: &Self) {
         let total = self.count + other.count;
+        // Without rows on either side the shares would be 0/0.
         if other.count == 0.0 {
             return;
         }

@@ -268,6 +268,7 @@ impl RecurrentLayer {
     ) {
         let (inputs, hidden) = (self.inputs, self.hidden);
         let mut before = before.iter().cloned();
+        // ONNX begins at zero where a graph gives no state.
         let zeros = vec![0.0; rows * hidden];
         let output = before.next().unwrap_or_else(|| zeros.clone());
         let mut state = State { hidden, output, cell: before.next().unwrap_or(zeros) };
@@ -282,6 +283,7 @@ impl RecurrentLayer {
             }
         }
         for (row, out) in out.chunks_exact_mut(wide).enumerate() {
+            // Behind the outputs of all steps: the last output once more, and an LSTM's cell.
             let ends = [&state.output, &state.cell].map(|one| &one[row * hidden..(row + 1) * hidden]);
             let ends = ends[0].iter().chain(ends[1].iter().filter(|_| cell == Cell::Lstm));
             out[times * hidden..].iter_mut().zip(ends).for_each(|(out, &end)| *out = end);
@@ -298,6 +300,7 @@ impl RecurrentLayer {
         };
         let mut gates = product(x, self.inputs, &self.weight_ih);
         let mut of_output = product(&state.output, hidden, &self.weight_hh);
+        // Copies, because the step writes over the state that it reads.
         let (output_before, cell_before) = (state.output.clone(), state.cell.clone());
         let remembered = if cell == Cell::Lstm { rows * hidden } else { 0 };
         let step = Step {

@@ -159,6 +159,7 @@ impl<T: Scalar> SequenceTape<T> {
             let hidden = span.hidden;
             let wide = shape.cell.gates() * hidden;
             layer.resize(shape.cell, rows, hidden);
+            // A row of `start` has the layers one behind the other, each with its output and then its cell.
             let mut start_of = |width: usize| -> Vec<T> {
                 let from = place;
                 place += width;
@@ -262,6 +263,7 @@ impl<T: Scalar> SequenceTape<T> {
             matmul::multiply(&mut gradient[weight_hh], before.transposed(), of_output, true);
             lanes::add_column_sums(&mut gradient[bias_ih], &layer.gates);
             lanes::add_column_sums(&mut gradient[bias_hh], products);
+            // The derivative by this layer's input is that by the output of the layer below.
             if index > 0 {
                 let weight = Matrix::row_major(&weights.transposed[weight_ih], wide, span.inputs);
                 self.derivative.resize(rows * span.inputs, T::ZERO);

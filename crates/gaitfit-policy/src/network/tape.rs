@@ -33,6 +33,7 @@ impl<T: Scalar> Tape<T> {
         let grow = |buffer: &mut AVec<T>, width: usize| {
             buffer.resize(buffer.len().max(rows * width), T::ZERO);
         };
+        // Each buffer is as large as the largest network needs it, because they take turns.
         for shape in shapes {
             let layers = shape.layers();
             tape.outputs.resize_with(tape.outputs.len().max(layers.len()), || AVec::new(0));
@@ -121,6 +122,7 @@ impl<T: Scalar> Tape<T> {
                 // Biases of hidden layers are summed with the slopes, in the pass below.
                 lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
             }
+            // Nobody reads the derivative by the network's input.
             if index == 0 {
                 break;
             }

@@ -32,6 +32,7 @@ impl<'a, T: Scalar> Weights<'a, T> {
         let mut transposed = avec![T::ZERO; parameters.len()];
         for layer in shape.layers().iter().skip(first) {
             let w = &parameters[layer.weight.clone()];
+            // Row j of the transpose is column j of W.
             for (j, row) in transposed[layer.weight.clone()].chunks_exact_mut(layer.inputs).enumerate() {
                 let column = w[j..].iter().step_by(layer.outputs);
                 row.iter_mut().zip(column).for_each(|(to, &from)| *to = from);

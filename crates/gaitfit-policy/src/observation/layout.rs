@@ -60,6 +60,8 @@ impl Layout {
             };
             let frames: Vec<usize> = (0..count).map(begin).collect();
             let present = begin(count - 1)..begin(count - 1) + width;
+            // In whole frames the next term stands beside this one; else it begins behind all frames of this
+            // one.
             start += if order == FrameOrder::Terms { count * width } else { width };
             slots.push(Slot {
                 quantity: term.quantity,
@@ -188,6 +190,7 @@ impl Layout {
                 [scale] => out.iter_mut().for_each(|value| *value *= scale),
                 scales => out.iter_mut().zip(scales).for_each(|(value, scale)| *value *= scale),
             }
+            // An older frame is what stood one frame newer in the row before.
             for pair in slot.frames.windows(2) {
                 let to = pair[0]..pair[0] + slot.width();
                 match past {

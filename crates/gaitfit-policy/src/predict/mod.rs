@@ -48,6 +48,7 @@ impl Course {
     ) -> Result<Self, WalkerError> {
         let joints = walker.default_pose.len();
         let samples = quaternion.len();
+        // All signals in numbers of joints, so that one comparison serves them.
         let lengths = [targets.len(), position.len(), velocity.len(), rates.len() * joints];
         if samples == 0 || lengths.iter().any(|&length| length != samples * joints) {
             let what = format!("have {lengths:?} numbers for {samples} samples of {joints} joints");
@@ -222,6 +223,7 @@ pub fn robots(walker: &Walker, courses: &[Course], job: &Job) -> Result<Vec<Vec<
     let (mut periods, mut before) = (Vec::new(), None);
     let mut watch = |tile: &mut Tile<'_>| {
         let now: Vec<RobotState> = (0..courses.len()).map(|index| tile.robot(index)).collect();
+        // The watch is called twice a period: before the step and after it.
         before = match before.take() {
             None => Some(now),
             Some(before) => {
@@ -283,6 +285,7 @@ impl Worker {
                     self.corrected.extend(state.map(|state| (index, state)));
                 }
             }
+            // All at once: robots of one block are set together, which is faster.
             tile.correct(&self.corrected);
             self.corrected.clear();
             if sample + 1 == longest {
@@ -290,6 +293,7 @@ impl Worker {
             }
             self.targets.clear();
             for course in courses {
+                // A course that is over keeps its last targets until the longest one of the tile ends.
                 let row = sample.min(course.samples() - 1) * course.joints();
                 self.targets.extend_from_slice(&course.targets[row..row + course.joints()]);
             }

@@ -46,6 +46,7 @@ impl Feet {
         let (batch, model) = (&walker.batch, walker.model());
         let foot = |foot: &FootGeoms| {
             let geom = &model.geoms[batch.contact_geoms()[foot.main]];
+            // All joints that move the foot against the base, from the foot up.
             let mut path = Vec::new();
             let mut body = Some(geom.body);
             while let Some(at) = body {
@@ -133,6 +134,7 @@ impl Legs {
         let rows = position.chunks_exact(joints).zip(velocity.chunks_exact(joints));
         for ((angles, rates), &base) in rows.zip(quaternion) {
             let angles: Vec<f64> = angles.iter().map(|&x| f64::from(x)).collect();
+            // With the base at the origin: places and velocities are in the base's axes.
             let frames = body_frames(model, &Frame::WORLD, &angles);
             for foot in &feet.feet {
                 let at = foot.point(model, &frames, base);
@@ -186,6 +188,7 @@ impl Legs {
         if total.is_nan() || total <= feet.least_load {
             return None;
         }
+        // Each foot says how the base would have to move for it to go on; the mean weighs them by load.
         let joints = course.joints();
         let wide = |v: &[f32]| -> Vec3 { std::array::from_fn(|k| f64::from(v[k])) };
         let simulated: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));

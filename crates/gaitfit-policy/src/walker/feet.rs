@@ -58,6 +58,7 @@ pub(super) fn named(model: &Model, names: &[String]) -> Result<Vec<NamedFoot>, W
 
 fn find(model: &Model, name: &str) -> Result<NamedFoot, WalkerError> {
     let contacts = contacts(model);
+    // A geom goes before a body of the same name.
     let geoms: Vec<usize> = match contacts.iter().find(|&&geom| model.geoms[geom].name == name) {
         Some(&geom) => vec![geom],
         None => {

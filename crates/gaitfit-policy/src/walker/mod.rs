@@ -93,11 +93,14 @@ impl Walker {
         }
         let mut velocities = joints.clone();
         let mut kinds = interface.velocity_targets().into_iter();
+        // One flag for each of the policy's joints, in their order.
         velocities.retain(|_| kinds.next().unwrap_or(false));
         let model = &model.with_velocity_targets(&velocities);
         let WalkerOptions { substeps, preset, emulated_step, max_delay, feet, posture, start_pitch, fall } =
             options;
         let control_dt = interface.control_dt;
+        // First by geoms, because the batch reports the centre of each foot's main one; their places among
+        // the contacts follow from the batch.
         let feet = feet::named(model, &feet)?;
         let tracked = feet.iter().map(|foot| model.geoms[foot.main].name.clone()).collect();
         let batch = Batch::new(
@@ -199,6 +202,7 @@ impl Walker {
             sensed.orient(attitude);
             sensed.base_angular_velocity = rates;
         }
+        // Errors of the unit come on top of its lateness.
         if let Some(imu) = imu {
             sensed.base_angular_velocity = imu.rates(sensed.base_angular_velocity);
             sensed.projected_gravity = imu.direction(sensed.projected_gravity);

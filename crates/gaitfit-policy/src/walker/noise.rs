@@ -57,6 +57,7 @@ impl TorqueNoise {
         self.torques.resize(substeps * count * joints, 0.0);
         self.normals.resize(count * joints, 0.0);
         for (substep, torques) in self.torques.chunks_exact_mut(count * joints).enumerate() {
+            // Counted over all substeps, so that each has draws of its own.
             let physics_step = step.wrapping_mul(substeps as u32).wrapping_add(substep as u32);
             let stream = Stream::new(seed, Purpose::TORQUE_NOISE).step(physics_step);
             fill_normal_rows(stream, first, joints, &mut self.normals);

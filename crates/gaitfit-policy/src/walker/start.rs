@@ -33,6 +33,7 @@ pub fn standing_on(
 ) -> Start {
     let base = Frame { position: [place[0], place[1], 0.0], quaternion };
     let frames = body_frames(model, &base, angles);
+    // The base is raised until each geom is above the highest ground within its reach.
     let mut height = f64::NEG_INFINITY;
     for geom in model.pairs.iter().map(|pair| &model.geoms[pair.geom]) {
         let frame = &frames[geom.body];

@@ -72,6 +72,7 @@ pub trait Engine: Send + Sync {
         let costs = Mutex::new(vec![f64::NAN; candidates.len() * recordings]);
         let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
             let value = cost(recording, signals);
+            // A panic elsewhere cannot leave a number half written, so a poisoned lock still holds good ones.
             let mut costs = costs.lock().unwrap_or_else(PoisonError::into_inner);
             costs[candidate * recordings + recording] = value;
         };

@@ -68,10 +68,12 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         let half = if bar.half_width.is_finite() { bar.half_width } else { 0.0 };
         (bar.value - half, bar.value + half)
     };
+    // Zero is always on the axis, because bars begin there.
     let ends = bars.iter().map(interval).flat_map(|(low, high)| [low, high]);
     let range = scale::extent(ends.chain([0.0])).filter(|(low, high)| low < high).unwrap_or((0.0, 1.0));
     // Lines are counted upwards from the axis.
     let line = |number: usize| (bars.len() - number) as f64 - 0.5;
+    // Series borrow their numbers, so these vectors outlive the plot.
     let boxes: Vec<(Look, Corners)> = bars
         .iter()
         .enumerate()
@@ -94,10 +96,12 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
     let plot = Plot {
         x: Axis { range: Some(range), ticks: 6, ..Axis::default() },
         y: Axis { range: Some((0.0, bars.len().max(1) as f64)), ticks: 0, ..Axis::default() },
+        // Whiskers and the line at zero lie above the bars.
         series: drawn.chain(over).chain([zero]).collect(),
         ..Plot::default()
     };
     figure.plot(&plot, frame);
+    // The plot's own scale, so that each text stands at the end of its bar.
     let scale = scale::Scale::linear(Some(range), frame.left, frame.right);
     for (i, bar) in bars.iter().enumerate() {
         let base = frame.top + LINE * (i as f64 + 0.5) + 4.0;

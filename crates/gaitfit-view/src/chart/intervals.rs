@@ -50,6 +50,7 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
     let bounds = || rows.iter().filter_map(|r| r.bounds).flat_map(|(a, b)| [a, b]);
     let mut hull = scale::extent(core).or_else(|| scale::extent(bounds()));
     if let Some((low, high)) = hull {
+        // A single value has no length: then only what equals it but for rounding is near.
         let length = (high - low).max(1e-12 * high.abs());
         let near = |factor: f64| move |x: &f64| *x >= low - factor * length && *x <= high + factor * length;
         let starts = rows.iter().filter_map(|r| r.start).filter(near(2.0));
@@ -77,6 +78,7 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
     let height = if row.marks.len() > 1 { 6.0 + 12.0 * row.marks.len() as f64 } else { 24.0 };
     let middle = height / 2.0;
     let mut svg = format!(r#"<svg class="strip" width="100%" height="{height}" aria-hidden="true">"#);
+    // What comes first lies below: grid, bounds, ranges, truth, start, then the marks.
     for tick in scale.ticks(6) {
         let x = percent(scale.at(tick.value));
         let _ = write!(svg, r#"<line class="grid" x1="{x}" x2="{x}" y1="0" y2="{height}"/>"#);
@@ -86,6 +88,7 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
         let (y, width) = (coordinate(middle - 3.0), percent((to - from).max(0.0)));
         let _ =
             write!(svg, r#"<rect class="track" x="{}" y="{y}" width="{width}" height="6"/>"#, percent(from));
+        // A bound beyond the axis has no cap: its track runs to the edge of the picture.
         for bound in [a, b].into_iter().filter(|x| inside(*x, low, high)) {
             let x = percent(scale.at(bound));
             let (y1, y2) = (coordinate(middle - 8.0), coordinate(middle + 8.0));
@@ -95,6 +98,7 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
     for (range, class) in [(row.published, "published"), (row.profile, "profile")] {
         let Some((a, b)) = range.filter(|(a, b)| a.is_finite() && b.is_finite()) else { continue };
         let (from, to) = (edge(a, low, 0.0, scale), edge(b, high, 100.0, scale));
+        // The smallest width keeps a very narrow range visible.
         let (y, width) = (coordinate(middle - 8.0), percent((to - from).max(0.4)));
         let _ = write!(
             svg,

@@ -31,6 +31,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
         let high = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
         match (low, high) {
             (Some(a), Some(b)) => kept.extend([a.min(b), a.max(b)]),
+            // A stretch without numbers keeps one index, so that the gap shows.
             _ => kept.push(from),
         }
     }

@@ -25,11 +25,13 @@ pub(crate) struct Track<'a> {
 /// All tracks, x to the right and y upwards in equal scales, `width` user units wide at most; `None` without any
 /// point.
 pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> {
+    // The bound keeps a diverged robot from making all other paths a point.
     let along = |k: usize| {
         let points = tracks.iter().flat_map(|t| t.points).map(move |p| p[k]);
         scale::extent(points.map(|x| x.clamp(-1e6, 1e6)))
     };
     let ((x0, x1), (y0, y1)) = (along(0)?, along(1)?);
+    // At least 0.2 m each way, so that a robot that stands is not blown up.
     let (wide, tall) = ((x1 - x0).max(0.2) * 1.1, (y1 - y0).max(0.2) * 1.1);
     // Pixels a metre, the same both ways.
     let zoom = (width / wide).min(0.95 * width / tall);

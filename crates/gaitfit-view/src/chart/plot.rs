@@ -40,6 +40,7 @@ impl Plot<'_> {
         let scale = |axis: &Axis, number: usize, from: f64, to: f64| {
             let values = || self.series.iter().flat_map(|s| s.values(number));
             let (low, high) = axis.range.or_else(|| scale::extent(values()))?;
+            // Values of zero or less have no logarithm: the axis is linear then.
             if axis.log && low > 0.0 {
                 let room = if axis.range.is_some() { 1.0 } else { 1.05 };
                 return Some(Scale::log(low / room, high * room, from, to));

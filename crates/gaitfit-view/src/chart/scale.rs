@@ -130,6 +130,7 @@ impl Scale {
             let every = decades.len().div_ceil(max);
             decades.into_iter().step_by(every).collect()
         });
+        // One tick tells no scale: the ends of the axis stand in.
         if values.len() < 2 {
             let round = |x: f64| Tick { value: x, label: format::significant(x, 3) };
             return vec![round(self.low), round(self.high)];

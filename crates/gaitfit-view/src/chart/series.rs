@@ -98,8 +98,10 @@ impl Series<'_> {
         match self {
             Series::Line { x, y, .. } | Series::Step { x, y, .. } | Series::Points { x, y, .. } => both(x, y),
             Series::Stairs { edges, .. } if axis == 0 => edges.to_vec(),
+            // Stairs stand on zero.
             Series::Stairs { heights, .. } => heights.iter().copied().chain([0.0]).collect(),
             Series::Band { x, low, high, .. } => both(x, low).into_iter().chain(both(x, high)).collect(),
+            // An infinite end reaches as far as the axis does, so it does not set it.
             Series::Boxes { corners, .. } => {
                 corners.iter().flat_map(|c| [c[axis].0, c[axis].1]).filter(|v| v.is_finite()).collect()
             }
@@ -114,10 +116,12 @@ impl Series<'_> {
             Series::Line { name, look, x, y } => line(svg, axes, (name, *look), (x, y), points),
             Series::Step { name, look, x, y } => {
                 let (x, y) = corners_of(x, y);
+                // A step is two corners.
                 line(svg, axes, (name, *look), (&x, &y), 2 * points);
             }
             Series::Points { look, x, y, radius, ring } => {
                 let (radius, kind) = (coordinate(*radius), if *ring { "s ring" } else { "f" });
+                // Zero and negative values have no place on a logarithmic axis.
                 for (x, y) in x.iter().zip(*y).filter(|(x, y)| fits(&axes.x, **x) && fits(&axes.y, **y)) {
                     let (cx, cy) = (coordinate(axes.x.at(*x)), coordinate(axes.y.at(*y)));
                     let _ =
@@ -190,6 +194,7 @@ fn stairs(axes: &Axes, edges: &[f64], heights: &[f64]) -> String {
 /// A closed outline a stretch without gaps.
 fn band(svg: &mut String, axes: &Axes, look: Look, (x, low, high): (&[f64], &[f64], &[f64]), points: usize) {
     let count = x.len().min(low.len()).min(high.len());
+    // Each curve keeps its own peaks, so the points of both are joined.
     let mut known = path::thin(&low[..count], points / 2);
     known.extend(path::thin(&high[..count], points / 2));
     known.sort_unstable();

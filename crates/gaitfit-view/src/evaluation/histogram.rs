@@ -22,6 +22,7 @@ pub(super) fn histogram(
     }
     let total = counts.iter().map(|c| *c as f64).sum::<f64>();
     let shares: Vec<f64> = counts.iter().map(|c| 100.0 * *c as f64 / total).collect();
+    // Without any count the shares are 0/0, of which none is finite.
     let highest = extent(shares.iter().copied())?.1;
     let (low, high) = (edges[0], edges[edges.len() - 1]);
     // A limit far away would squeeze the rest.

@@ -82,6 +82,7 @@ impl Page {
     pub fn new(report: &EvaluationReport) -> Page {
         let measures = &report.measures[..report.measures.len().min(MAX_MEASURES)];
         let rows: Vec<Row> = measures.iter().map(row).collect();
+        // A replay that cannot be drawn becomes a warning of a page that is otherwise whole.
         let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
             title: clean(&report.title),

@@ -34,6 +34,7 @@ pub(super) fn cumulative(title: &str, x_title: &str, curves: &[Quantiles]) -> Op
             let count = if last == 0 { 0 } else { POINTS.min(last + 1) };
             (0..count)
                 .map(|i| {
+                    // Even ranks, the first and the last among them.
                     let at = i * last / (count - 1).max(1);
                     (curve.values[at], 100.0 * at as f64 / last as f64)
                 })

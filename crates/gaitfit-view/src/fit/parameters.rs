@@ -89,6 +89,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     if shown.is_empty() {
         return None;
     }
+    // A source is named once, however many parameters cite it.
     let mut sources: Vec<String> = Vec::new();
     for range in shown.iter().filter_map(|p| p.published.as_ref()) {
         let source = clean(&range.source);
@@ -99,6 +100,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     Some(ParameterTable {
         groups: group(shown.iter().map(entry).collect()),
         rows: shown.iter().map(table_row).collect(),
+        // Counts are over all parameters, also those that are not shown.
         at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
         identified: parameters.iter().filter(|p| p.identified == Some(true)).count(),
         judged: parameters.iter().filter(|p| p.identified.is_some()).count(),
@@ -209,6 +211,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
 pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
     let mut by_unit: Vec<Vec<Entry>> = Vec::new();
     for entry in entries {
+        // Every list begins with an entry, so it has a first one.
         match by_unit.iter_mut().find(|known| known[0].unit == entry.unit) {
             Some(known) => known.push(entry),
             None => by_unit.push(vec![entry]),
@@ -266,6 +269,7 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
         second: clean(&comparison.second),
         groups: group(drawn),
         rows,
+        // Over all entries, also those that are not shown.
         agreeing: comparison.entries.iter().filter(|e| e.agrees == Some(true)).count(),
         judged: comparison.entries.iter().filter(|e| e.agrees.is_some()).count(),
         reasons: comparison.reasons.iter().take(100).map(|r| clean_prose(r)).collect(),

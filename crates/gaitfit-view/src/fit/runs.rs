@@ -35,12 +35,14 @@ pub(super) fn build(runs: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
     }
     let best: Vec<Vec<f64>> = shown.iter().map(|r| best_so_far(&r.best)).collect();
     let means: Vec<String> = shown.iter().map(|r| format!("{}, generation's mean", r.label)).collect();
+    // Runs may end early and record less: the axis holds the longest list.
     let longest = shown.iter().map(|r| r.mean.len().max(r.best.len()).max(r.sigma.len())).max().unwrap_or(0);
     let x: Vec<f64> = (1..=longest).map(|i| i as f64).collect();
     let faint = (0..shown.len()).map(|i| (&means[i], &shown[i].mean, Look::color(i).faint()));
     let bold = (0..shown.len()).map(|i| (&shown[i].label, &best[i], Look::color(i)));
     let sigmas = (0..shown.len()).map(|i| (&shown[i].label, &shown[i].sigma, Look::color(i)));
     let nominal = significant(nominal_cost, 4);
+    // Series borrow names and numbers, so the line across gets variables of its own.
     let label = "nominal simulator".to_string();
     let before = vec![nominal_cost; longest];
     let across = nominal_cost.is_finite().then_some((&label, &before, Look::NOMINAL)).into_iter();
@@ -55,6 +57,7 @@ pub(super) fn build(runs: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
         })
         .collect();
     Some(Runs {
+        // In this order the bold lines lie above the faint ones.
         cost: chart("cost over generations", "cost", &x, across.chain(faint).chain(bold)),
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,

@@ -113,6 +113,7 @@ fn cost(report: &FitReport, who: Who) -> f64 {
 
 /// Returns a sentence if the nominal simulator is closer to the logs than the fitted one; else `None`.
 pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
+    // The strictest first: logs that the fit did not see, then what it minimised.
     let measured = [
         (Yardstick::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
         (Yardstick::Cost, "cost on the logs of the fit", ""),
@@ -216,6 +217,7 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
         cost: significant(score.cost, 4),
     };
     let mut others: Vec<&Score> = std::iter::once(&nominal).chain(&report.baselines).collect();
+    // A predictor with neither a number nor a name says nothing.
     others.retain(|s| value(s).is_finite() || s.cost.is_finite() || !s.name.is_empty());
     others.sort_by(|a, b| descending(value(a), value(b)));
     let mut rows: Vec<ScoreRow> = others.iter().map(|s| row(s, false)).collect();
@@ -247,6 +249,7 @@ fn name_of(score: &Score, fallback: &str) -> String {
 }
 
 fn descending(a: f64, b: f64) -> std::cmp::Ordering {
+    // What is not known counts as the worst.
     let key = |x: f64| if x.is_finite() { x } else { f64::INFINITY };
     key(b).total_cmp(&key(a))
 }

@@ -26,6 +26,7 @@ pub(super) fn verdicts(report: &FitReport) -> Vec<Verdict> {
                 verdicts
                     .push(bad(format!("the logs do not identify {count} of {total} parameters: {names}")));
             }
+            // Praise needs a judgement of every parameter.
             None if judged == total => verdicts.push(good("the logs identify all parameters")),
             None => {}
         }

@@ -40,6 +40,7 @@ pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
 
 /// The chart of the samples in `range`; `None` without times or any series.
 pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Option<String> {
+    // A series may be missing or shorter than the times.
     let cut = |series: &[f64]| -> Vec<f64> {
         series.get(range.start.min(series.len())..range.end.min(series.len())).unwrap_or(&[]).to_vec()
     };
@@ -79,6 +80,8 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
 
     let missed = residual(&fitted, &measured);
     let missed_before = residual(&nominal, &measured);
+    // The nominal error may be far larger: it sets the scale only where that is asked for, or where it is
+    // alone.
     let counted: &[f64] = if size.nominal_residual || missed.is_empty() { &missed_before } else { &[] };
     let largest = extent(missed.iter().chain(counted).map(|r| r.abs())).map_or(1.0, |(_, high)| high);
     let mut series = Vec::new();

@@ -58,6 +58,7 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
     let of_joint = |v: &Validation, joint: &str| {
         v.rmse_per_joint.iter().find(|(name, _)| name == joint).map_or(f64::NAN, |(_, rmse)| *rmse)
     };
+    // One shade scale for the whole table, so that logs and joints compare.
     let all = shown.iter().flat_map(|v| v.rmse_per_joint.iter().map(|(_, rmse)| *rmse));
     let largest = extent(all).map_or(1.0, |(_, high)| high);
     let cell = |rmse: f64| Cell {

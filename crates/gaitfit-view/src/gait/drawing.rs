@@ -56,6 +56,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
         let middle = (feet.len() - row) as f64 - 0.5;
         (middle - 0.38, middle + 0.38)
     };
+    // A pale track under each row; infinite ends are cut at the axes.
     let tracks: Vec<Corners> =
         (0..feet.len()).map(|row| [(f64::NEG_INFINITY, f64::INFINITY), height(row)]).collect();
     // The time of about a pixel: nobody sees a shorter gap.
@@ -98,6 +99,7 @@ fn on_ground(contact: &[bool], time: &[f64], shortest: f64) -> Vec<(f64, f64)> {
         if !contact[i] || !at.is_finite() {
             continue;
         }
+        // Contact holds until the next sample.
         let next = time.get(i + 1).copied().filter(|t| t.is_finite()).unwrap_or(*at).max(*at);
         match stretches.last_mut() {
             Some(last) if *at <= last.1 + shortest => last.1 = next.max(last.1),
@@ -120,6 +122,7 @@ fn heights(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64)
         x: Axis { range: Some(times), ticks: 0, ..Axis::default() },
         y: Axis {
             title: "foot height (m)",
+            // The ground is in view, and a foot that never rises is not blown up.
             range: Some((low.min(0.0), high.max(0.01))),
             pad: 0.04,
             ticks: 3,
@@ -153,6 +156,7 @@ fn velocities(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f
         // A component that hardly moves is not blown up to the height of the panel.
         let middle = (low + high) / 2.0;
         let half = ((high - low) / 2.0).max(0.15);
+        // The panels share the time axis, so its numbers stand below the last one alone.
         let (title, ticks) = if is_last { ("time (s)", 10) } else { ("", 0) };
         let plot = Plot {
             x: Axis { title, range: Some(times), ticks, ..Axis::default() },
@@ -193,6 +197,7 @@ fn spectra(figure: &mut Figure, spectra: &[TorqueSpectrum], top: f64) -> f64 {
     let (Some(range), Some((lowest, high))) = (frequencies, powers) else { return top };
     // Five decades tell a peak from what does not matter.
     let low = lowest.max(high * 1e-5);
+    // Below that a line runs along the lower edge instead of out of the plot.
     let held: Vec<Vec<f64>> =
         drawn.iter().map(|(_, (_, power))| power.iter().map(|p| p.max(low)).collect()).collect();
     let lines = drawn.iter().zip(&held).enumerate();

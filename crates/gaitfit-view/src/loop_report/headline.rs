@@ -42,6 +42,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
         let set = report.drift.iter().find(|d| d.policy == policy && d.simulator == cast.target)?;
         Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })
     };
+    // A loop with one policy has nothing to compare: only its own numbers show.
     let is_pair = cast.before != cast.after;
     let pair = |d: &&Difference| {
         d.policy == cast.after && d.against == cast.before && d.simulator == cast.target && d.paired

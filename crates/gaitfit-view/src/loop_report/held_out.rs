@@ -47,8 +47,10 @@ pub(crate) fn gain_text(gain: f64, motion: &str) -> String {
 
 pub(crate) fn view(held: &HeldOut) -> HeldOutView {
     let distances = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
+    // A signal that nobody measured gets no columns.
     let known: Vec<(Signal, &str)> =
         SIGNALS.into_iter().filter(|(signal, _)| distances(*signal).next().is_some()).collect();
+    // In the order in which the distances name them.
     let mut joints: Vec<&str> = Vec::new();
     for one in &held.distances {
         if !joints.contains(&one.joint.as_str()) {

@@ -8,6 +8,7 @@ pub fn plain(page: &str, after: &str) -> String {
     let last = number(after.strip_prefix('π').unwrap_or_default()).map(|(number, _)| number);
     let mut parts = page.split('π');
     let mut text = String::with_capacity(page.len());
+    // What stands before the first π has no number.
     text.push_str(parts.next().unwrap_or_default());
     for part in parts {
         match number(part) {

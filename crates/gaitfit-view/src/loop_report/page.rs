@@ -61,6 +61,7 @@ impl Page {
             log: any(RoundSection::has_log),
             learning: any(|r| !r.progress.is_empty()),
         };
+        // A replay that cannot be drawn becomes a warning of a page that is otherwise whole.
         let (motion, problem) = Motion::new(report.replay.as_ref());
         let mut warnings = page::lines(&report.warnings);
         warnings.extend(problem);

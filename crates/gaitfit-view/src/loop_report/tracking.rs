@@ -156,6 +156,7 @@ fn card(column: &Column, shown: &[Tracking], cast: &Cast) -> Card {
         Row { marks: vec![Mark { value: mean, spread: ci95, look, ..Mark::default() }], ..Row::default() }
     };
     let drawn: Vec<Row> = shown.iter().map(row).collect();
+    // Errors begin at zero; rewards may be negative.
     let scale = match column.is_error {
         true => intervals::scale_from_zero(&drawn),
         false => intervals::shared_scale(&drawn),

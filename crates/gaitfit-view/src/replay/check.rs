@@ -118,6 +118,7 @@ fn frames(robot: &ReplayRobot) -> Result<(), String> {
         return Err(format!("has {count} frames; a page holds 1 to {FRAMES}"));
     }
     let joints = robot.frames[0].joints.len();
+    // Saturating: the largest index fails the check below instead of overflowing.
     let wanted =
         robot.bodies.iter().filter_map(|b| b.joint.as_ref()).map(|j| j.index.saturating_add(1)).max();
     if joints < wanted.unwrap_or(0) || joints > PARTS {

@@ -99,6 +99,7 @@ struct PackedGeom {
 }
 
 pub(super) fn pack(replay: &Replay) -> Packed {
+    // Robots beside each other often share meshes: each is written once.
     let mut meshes: Vec<&Mesh> = Vec::new();
     let robots = replay.robots.iter().map(|one| {
         let places = one.meshes.iter().map(|mesh| {
@@ -130,6 +131,7 @@ fn robot(robot: &ReplayRobot, meshes: &[usize]) -> PackedRobot {
     // Beside joints a frame has position (3), quaternion (4), command (3) and velocity (3), each of two bytes.
     let mut codes = Vec::with_capacity(robot.frames.len() * (joints + 13) * 2);
     let (mut offset, mut scale) = (Vec::new(), Vec::new());
+    // Each channel has a range of its own, so two bytes resolve small motions as finely as large ones.
     for mut channel in channels(&robot.frames, joints) {
         hold(&mut channel);
         let (middle, step) = coded(&channel, &mut codes);
@@ -222,6 +224,7 @@ fn channels(frames: &[Frame], joints: usize) -> Vec<Vec<f64>> {
     for frame in frames {
         let q = &frame.base_quaternion;
         let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+        // A quaternion that cannot be normalised repeats the last one.
         if norm.is_finite() && norm > 0.0 {
             // q and −q are the same orientation.
             let along: f64 = q.iter().zip(&last).map(|(a, b)| a * b).sum();

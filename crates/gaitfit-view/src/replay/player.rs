@@ -83,6 +83,7 @@ impl Motion {
 
 fn embedded(replay: &Replay) -> Result<Player, ReplayError> {
     let robots = replay.robots.iter().take(MAX_ROBOTS).map(|robot| {
+        // Not a clone of the whole robot, which would copy the frames that are cut off.
         let frames = robot.frames.iter().take(MAX_FRAMES).cloned().collect();
         ReplayRobot {
             name: robot.name.clone(),

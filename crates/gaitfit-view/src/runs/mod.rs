@@ -207,6 +207,7 @@ fn head((number, fit): (usize, &Fit)) -> FitHead {
 fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
     let mut names: Vec<(&str, &str)> = Vec::new();
     for one in fits.iter().flat_map(|fit| &fit.parameters) {
+        // Numbers of different units do not share a row, even under one name.
         let key = (one.name.as_str(), one.unit.as_str());
         if names.len() < MAX_PARAMETERS && !names.contains(&key) {
             names.push(key);

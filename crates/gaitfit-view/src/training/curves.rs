@@ -65,6 +65,7 @@ fn card(
         .filter_map(|(i, seed)| {
             let series = named(seed)?;
             let count = seed.iteration.len().min(series.values.len());
+            // Every nth: seeds with equal iterations keep the same ones, which their mean needs.
             let step = count.div_ceil(MAX_ITERATIONS).max(1);
             let x = seed.iteration[..count].iter().step_by(step).map(|n| f64::from(*n)).collect();
             let y = series.values[..count].iter().step_by(step).copied().collect();
@@ -98,6 +99,7 @@ fn card(
         points: size.0 as usize,
     };
     let svg = plot.figure(&format!("{name} over iterations"), size.0, size.1)?.inline();
+    // The last value that is a number: the end of a run may be NaN.
     let last = mean.y.iter().rev().copied().find(|x| x.is_finite()).unwrap_or(f64::NAN);
     Some(Card { name: clean(name), last: format!("{} {}", significant(last, 3), clean(&first.unit)), svg })
 }

@@ -56,6 +56,7 @@ impl Page {
         let seeds = &report.seeds[..report.seeds.len().min(MAX_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
+        // A replay that cannot be drawn becomes a warning of a page that is otherwise whole.
         let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
             title: clean(&report.title),
@@ -125,6 +126,7 @@ fn headline(results: &[&SeedResult]) -> Vec<Number> {
         Number { value: fixed(linear, 3), unit: "m/s".into(), what: "mean linear-velocity error".into() },
         Number { value: fixed(angular, 3), unit: "rad/s".into(), what: "mean angular-velocity error".into() },
         Number {
+            // The unit stands apart in large print.
             value: percent(falls).replace("\u{a0}%", ""),
             unit: "%".into(),
             what: "of trajectories end in a fall".into(),

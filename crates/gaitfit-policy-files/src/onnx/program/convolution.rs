@@ -51,8 +51,10 @@ impl Program {
         let high = outputs / groups;
         // Checked before tables of this size are made.
         super::shapes::count(&[places, window]).ok_or(misfit("its windows have too many numbers"))?;
+        // Padding is taken from this one number.
         let zero = Value { operand: self.place(vec![0.0])?, dims: vec![1] };
         let mut parts = Vec::new();
+        // Each group of channels has weights of its own, so it is a product of its own.
         for group in 0..groups {
             let table = table(&axes, group * each..(group + 1) * each);
             let rows = self.step(Operator::Take(table), &[&x, &zero], vec![places, window])?;
@@ -72,6 +74,7 @@ impl Program {
         let mut value = self.step(turned, &parts.iter().collect::<Vec<_>>(), dims)?;
         if Self::has(node, 2) {
             let mut bias = self.value(node, 2)?;
+            // Axes of length one behind the channels let the bias reach all places.
             bias.dims.extend(along.iter().map(|_| 1));
             value = self.both(Binary::Add, &value, &bias)?;
         }
@@ -150,6 +153,7 @@ fn table(axes: &[Axis], channels: std::ops::Range<usize>) -> Vec<[u32; 2]> {
 /// The place along each axis of a number in an array of these sizes.
 fn spread(number: usize, sizes: &[usize]) -> Vec<usize> {
     let mut rest = number;
+    // Row-major: the last axis turns fastest.
     let mut places: Vec<usize> = sizes
         .iter()
         .rev()

@@ -69,6 +69,7 @@ pub(super) fn action(
             fitting.push(output.name.clone());
         }
     }
+    // If one is taken and none is left, it was the only one.
     let only = fitting.pop().filter(|_| fitting.is_empty());
     known.or(only).ok_or_else(|| {
         invalid(format!(
@@ -90,6 +91,7 @@ pub(super) fn pairs(model: &Decoded) -> Vec<(String, String)> {
     };
     let mut pairs = Vec::new();
     for input in inputs(model).take(MAX_ENDS) {
+        // An input that is named like an observation is no state, whatever output resembles it.
         let observed =
             ["obs", "observation", "observations", "input", "policy"].contains(&input.name.as_str());
         let output = model
@@ -122,12 +124,14 @@ impl Program {
             return Err(invalid(format!("`inputs` names {name}, and the graph's inputs are {inputs}")));
         }
         let mut pairs = pairs(model);
+        // The action, and inputs that the description feeds, are not remembered, whatever their names.
         pairs.retain(|(input, output)| output != action && !given.contains_key(input));
         let mut open = Vec::new();
         for input in taking.iter().filter(|input| needed.contains(&input.name)) {
             let is_state = pairs.iter().any(|(name, _)| *name == input.name);
             if !is_state && !given.contains_key(&input.name) {
                 let dims = dimensions(input)?;
+                // The first of several axes is that of the robots.
                 let known =
                     dims.iter().skip(usize::from(dims.len() > 1)).copied().collect::<Option<Vec<_>>>();
                 let known = known.filter(|dims| !dims.is_empty());

@@ -100,6 +100,7 @@ pub fn compile(
             ends::names(&model.outputs)
         )));
     }
+    // Last, because the outputs that states become are values of nodes.
     program.carry(states)?;
     let mut plan = program.plan;
     plan.actions = given.operand;
@@ -120,6 +121,7 @@ pub fn open_ends(model: &Decoded) -> Result<[Vec<End>; 2], PolicyError> {
     let states = ends::pairs(model);
     let end = |value: &super::proto::ValueInfo| -> Result<End, PolicyError> {
         let dims = super::graph::dimensions(value)?;
+        // The first axis is that of the robots.
         let known: Option<Vec<usize>> = dims.into_iter().skip(1).collect();
         let width = known.filter(|dims| !dims.is_empty()).and_then(|dims| shapes::count(&dims));
         Ok(End { name: value.name.clone(), width })
@@ -317,6 +319,7 @@ impl Program {
 
     /// A further step, and what it gives.
     fn step(&mut self, operator: Operator, inputs: &[&Value], dims: Vec<usize>) -> Result<Value, NodeError> {
+        // Also for a step on constants, which is computed with the size of this place.
         let output = self.room(&dims)?;
         let inputs: Vec<Operand> = inputs.iter().map(|value| value.operand).collect();
         let step = Step { operator, inputs, output };
@@ -338,6 +341,7 @@ impl Program {
                 Ok(())
             }
             Operand::Constant(placed) => {
+                // Later nodes may need it as a constant: a shape, an axis, a weight.
                 let values = self.plan.constants[placed].iter().map(|&x| f64::from(x)).collect();
                 self.placed.insert(name.clone(), placed);
                 self.keep(name, Constant { dims: value.dims, values })

@@ -47,6 +47,7 @@ impl Program {
         {
             return Ok(Value { operand: one.operand, dims });
         }
+        // Places count on through all inputs; the ends of the inputs tell which one a place lies in.
         let mut ends = Vec::new();
         let mut end = 0;
         for input in inputs {
@@ -66,6 +67,7 @@ impl Program {
     pub(super) fn concat(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
         let inputs = (0..node.input.len()).map(|number| self.value(node, number));
         let inputs = inputs.collect::<Result<Vec<_>, _>>()?;
+        // Numbers of places are joined instead of values: the result says where each value comes from.
         let mut places = Vec::new();
         let mut start = 0;
         for input in &inputs {

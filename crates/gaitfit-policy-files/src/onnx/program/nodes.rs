@@ -49,11 +49,13 @@ impl Program {
             return self.reduce(node, attributes, what);
         }
         match node.op_type.as_str() {
+            // Dropout acts in training alone.
             "Identity" | "Dropout" => {
                 let input = self.value(node, 0)?;
                 self.give(node, 0, input)
             }
             "Cast" => {
+                // Values are computed in single precision, whichever of the two the file names.
                 if ![FLOAT, DOUBLE].map(i64::from).contains(&attributes.integer("to", 0)) {
                     return Err(unread("it makes whole numbers of values"));
                 }
@@ -104,6 +106,7 @@ impl Program {
     pub(super) fn both(&mut self, binary: Binary, a: &Value, b: &Value) -> Result<Value, NodeError> {
         let dims = broadcast(&[&a.dims, &b.dims])?;
         let reaches = [a, b].map(|one| self.reach(one, &dims)).into_iter().collect::<Result<Vec<_>, _>>()?;
+        // Two values have two reaches, so the other case does not occur.
         let [first, second] = <[Reach; 2]>::try_from(reaches).unwrap_or([Reach::Same, Reach::Same]);
         self.step(Operator::Binary(binary, [first, second]), &[a, b], dims)
     }
@@ -142,6 +145,7 @@ impl Program {
     fn reduce(&mut self, node: &Node, attributes: &Attributes, what: Reduction) -> Result<(), NodeError> {
         let input = self.value(node, 0)?;
         let listed = attributes.list("axes").map(<[i64]>::to_vec);
+        // Newer operator sets give the axes as an input, older ones as an attribute.
         let axes = match (listed, Self::has(node, 1)) {
             (Some(axes), _) => axes,
             (None, true) => {
@@ -218,6 +222,7 @@ impl Program {
         let mut value = self.value(node, 0)?;
         let channels = value.dims.get(1).copied().ok_or(misfit("its input has one axis"))?;
         let mut parts = Vec::new();
+        // In ONNX's order: scale, bias, mean, variance.
         for number in 1..5 {
             let constant = self.constant(node, number).filter(|one| one.values.len() == channels);
             parts.push(

@@ -22,6 +22,7 @@ impl Program {
     pub(super) fn matmul(&mut self, node: &Node) -> Result<(), NodeError> {
         let (a, b) = (self.value(node, 0)?, self.value(node, 1)?);
         let shapes = || misfit(format!("its inputs have the shapes {:?} and {:?}", a.dims, b.dims));
+        // A matrix of weights is multiplied with the rows of all robots at once.
         if let (Operand::Constant(_), &[inner, outer]) = (b.operand, &b.dims[..]) {
             if a.dims.last() != Some(&inner) {
                 return Err(shapes());
@@ -80,6 +81,7 @@ impl Program {
             return Err(misfit(format!("it takes {inner} numbers of {:?}", x.dims)));
         }
         let alpha = f64::from(attributes.number("alpha", 1.0));
+        // alpha is multiplied into the weights now, so that it costs no step.
         let mut numbers: Vec<f32> = weight.values.iter().map(|&x| (alpha * x) as f32).collect();
         if is_turned {
             numbers = crate::layers::transpose(&numbers, outer, inner);

@@ -33,6 +33,7 @@ impl Program {
         }
         let mut given = vec![x];
         let states = if cell == Cell::Lstm { 2 } else { 1 };
+        // Inputs 5 and 6 are the output and the cell before the first step; one that is left out is zero.
         for number in 5..5 + states {
             let state = if Self::has(node, number) {
                 self.value(node, number)?
@@ -50,6 +51,7 @@ impl Program {
         self.count_products(&[times, gates, inputs + hidden])?;
         let operator = Operator::Recurrent { cell, layer: Box::new(layer), times };
         let all = self.step(operator, &given.iter().collect::<Vec<_>>(), vec![(times + states) * hidden])?;
+        // Outputs of the node: those of all steps, then the last output and an LSTM's last cell.
         for number in 0..1 + states {
             let (start, count, dims) = match number {
                 0 => (0, times * hidden, vec![times, 1, 1, hidden]),

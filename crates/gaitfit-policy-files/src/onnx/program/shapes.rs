@@ -56,6 +56,7 @@ pub(super) fn reach(from: &[usize], to: &[usize]) -> Reach {
     let mut strides = vec![0; to.len()];
     let mut stride = 1;
     for (place, &length) in from.iter().enumerate().rev() {
+        // A length of one is repeated along the axis: its number stays the same.
         strides[ahead + place] = if length == 1 { 0 } else { stride };
         stride *= length;
     }

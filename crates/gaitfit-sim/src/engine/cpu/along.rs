@@ -41,6 +41,7 @@ pub(super) fn run<T: Differentiable>(
                 lanes.push(lane(&direction.robot, &here[at]));
                 rates.push(up.rate(&down, direction.distance));
             }
+            // The recorder adds encoder biases; to derivatives it adds those of the biases.
             recorder.begin(replay, &rates);
             let rate = Params::<T>::in_lanes(&full(&rates, width));
             let values = Params::<T>::in_lanes(&full(&lanes, width));

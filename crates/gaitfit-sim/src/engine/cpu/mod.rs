@@ -60,6 +60,7 @@ impl Engine for Cpu {
                 must,
             });
         }
+        // The history of targets is only as long as the batch's longest delay.
         let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |max, j| max.max(j.delay));
         if delay > batch.options().max_delay {
             let must = "at most the batch's max_delay";

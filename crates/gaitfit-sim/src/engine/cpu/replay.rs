@@ -19,6 +19,7 @@ pub(super) fn run<T: Lanes>(
 ) -> Result<(), SimError> {
     let params = params(replay, candidates)?;
     let jobs = jobs(replay, candidates.len());
+    // One job a lane; a block is as long as the longest of its recordings.
     let blocks: Vec<&[(usize, usize)]> = jobs.chunks(T::LANES).collect();
     pool::for_each(
         blocks.len(),
@@ -152,6 +153,8 @@ impl<T: Lanes> Block<T> {
             }
             T::load(&values)
         };
+        // A thread's blocks share this scratch: a result must not depend on the block before, warm start
+        // included.
         self.state = State::new(&replay.tree);
         for j in 0..n {
             let start = |lane: &Lane| recordings[lane.recording].q0[j] - lane.params.joints[j].encoder_bias;
@@ -168,6 +171,7 @@ impl<T: Lanes> Block<T> {
         let modifications = Parts { late_imu: false, ..parts }.modifications(n);
         self.memory.clear();
         self.memory.resize(memory_of(&modifications), T::zero());
+        // The velocity filter is the last part, so what it remembers is the end of the memory.
         let beyond = self.memory.len() - if parts.filter { n } else { 0 };
         let longest = lanes.iter().map(|lane| recordings[lane.recording].target.len() / n).max().unwrap_or(0);
         for sample in 0..longest {

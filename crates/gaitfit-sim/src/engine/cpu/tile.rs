@@ -84,6 +84,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     fn gather(&self, rows: &[f32], first: usize, width: usize, column: usize) -> T {
         let mut values = [0.0; WIDEST];
         for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
+            // Lanes beyond the last robot repeat it, as its parameters do.
             let environment = (first + lane).min(self.environments - 1);
             *slot = rows[environment * width + column];
         }
@@ -367,6 +368,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             number.store(&mut values);
             numbers.push(values[lane]);
         }
+        // The parts follow each other as in [`Block::numbers`]; what is left in front of them is the motion.
         let mut state = numbers;
         let mut rest = state.split_off(state.len() - targets - memory - forces - tracked - torques);
         let mut part = |length: usize| {
@@ -401,6 +403,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     }
 
     fn restore(&mut self, saved: &[f32]) -> bool {
+        // One number more in each lane says whether the robot is fresh.
         let width: usize = self.blocks.iter_mut().map(|block| (block.numbers().count() + 1) * T::LANES).sum();
         if saved.len() != width {
             return false;
