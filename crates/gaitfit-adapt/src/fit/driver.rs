@@ -265,6 +265,7 @@ impl<'a> Fit<'a> {
         if active.is_empty() {
             return Ok(None);
         }
+        // Least squares steps on copies, so a cancelled batch below leaves every run as it was.
         let stepped = self.least_squares_steps(&active, cancel)?;
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
@@ -279,6 +280,7 @@ impl<'a> Fit<'a> {
                 draw: self.options.random_numbers.draw(seed, generation, candidate),
             }));
         }
+        // The candidates of all runs are one batch, so that the simulator's threads stay busy to the end.
         let results = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let recordings = self.simulator.recordings();
         let generation = self.generation + 1;
@@ -322,11 +324,13 @@ impl<'a> Fit<'a> {
         let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
         let mut steps = Vec::with_capacity(numbers.len());
         for together in numbers.chunks(at_once) {
+            // A copy moves: if the batch is cancelled, the run must still be as before.
             let mut moved: Vec<Run> = together.iter().map(|&run| self.runs[run].clone()).collect();
             let mut searches: Vec<_> = moved
                 .iter_mut()
                 .zip(together)
                 .filter_map(|(run, &number)| {
+                    // Derivatives are differences of simulations, so all simulations of a run share one draw.
                     let draw = RandomNumbers::Run.draw(run.seed, 0, 0);
                     let problem = Problem { simulator, theta, cost: cost(number), draw, cancel };
                     Some((run.least_squares()?, problem))

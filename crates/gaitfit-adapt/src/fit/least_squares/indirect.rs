@@ -154,6 +154,7 @@ pub fn correct(
     let loss = Loss::new(&here.residuals);
     let silent = silent(problem.theta, &here, loss, problem.simulator.threads());
     let entries = problem.theta.entries().iter().zip(silent);
+    // Values that the logs do not show, or that no simulated robot has, cannot be corrected.
     let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
     let Some((reference, real)) = further(problem, values, here, loss, &moving)? else {
         return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
@@ -161,6 +162,7 @@ pub fn correct(
     match (Inference { problem, world, fitted: values, values: &reference, loss, moving, real, replicates })
         .rounds()
     {
+        // A cancelled run may also end with an error of its own; being cancelled comes first.
         _ if (problem.cancel)() => Err(FitError::Cancelled),
         Err(Failure::Fit(error @ FitError::Cancelled)) => Err(error),
         Err(Failure::Fit(error)) => Ok(Err(format!("A comparison with simulated logs failed: {error}."))),
