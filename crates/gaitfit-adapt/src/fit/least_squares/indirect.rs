@@ -296,9 +296,12 @@ impl Inference<'_> {
 
     /// The correction by `rounds`. Those with the numbers `far` were far from the estimate.
     fn correction(&self, rounds: Vec<Round>, far: &[usize], response: &Response) -> Correction {
+        // Rounds far from the estimate taught the response only; the numbers of the estimate come from the last
+        // near ones.
         let entries = self.problem.theta.entries().iter().enumerate();
         let robot = response.robot_of(self.values);
         let near = rounds.iter().enumerate().filter(|(number, _)| !far.contains(number));
+        // Entries that did not move keep the fit's value: no round has tried to correct them.
         let last: Vec<&Round> = near.map(|(_, round)| round).rev().take(LAST).collect();
         let corrected = entries.map(|(at, entry)| {
             if self.moving[at] { robot[at].clamp(entry.lower, entry.upper) } else { self.fitted[at] }
