@@ -92,6 +92,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             setup.take(odd)?;
         }
         let setup = &*setup;
+        // The scope lets the thread borrow `setup`; it ends before the results are returned.
         std::thread::scope(|scope| {
             // While a GPU searches, processors are free for it.
             let early = (setup.devices.are_gpus() && setup.swings.is_none())
@@ -100,6 +101,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             let metrics = search::metrics(folder)?;
             let swings = || match early {
                 Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+                // A panic of that thread is passed on, as if it had happened here.
                 None => swing::findings(&setup.method, &setup.fit.logs),
             };
             let done = results::Searched { outcomes: &outcomes, course: &metrics, odd_joints: odd, seconds };
@@ -110,6 +112,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             Ok::<_, Error>(results)
         })
     })?;
+    // A result that was read from the folder did not pass through the closure above.
     if let Some(odd) = &results.odd_joints {
         setup.take(odd)?;
     }

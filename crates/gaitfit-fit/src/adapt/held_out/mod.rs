@@ -105,6 +105,7 @@ pub enum Verdict {
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
+        // The order is that of severity: each branch knows that the ones before do not hold.
         // A robot whose simulation diverges is no better than the one before the fit.
         let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
@@ -113,11 +114,14 @@ impl HeldOut {
         if self.falls > self.nominal_falls && self.falls > self.max_falls() {
             return Verdict::Falls;
         }
+        // Other trials of the same commands are the fairer measure: robots differ more from trial to trial than
+        // within one.
         if self.trials.as_ref().is_some_and(Trials::explained) {
             return Verdict::Explained;
         }
         let Some(floor) = &self.floor else { return Verdict::Unknown };
         let upper = floor.mean + floor.range95;
+        // The part of the nominal robot's excess that the fit leaves.
         let left = |cost: f64| {
             self.nominal_cost
                 .is_some_and(|nominal| cost - floor.mean > LEFT * (nominal - floor.mean).max(0.0))
@@ -159,6 +163,7 @@ impl HeldOut {
         let nominal = format!("the robot before the fit {}", number(self.nominal_cost));
         let logs = format!("{} held-out log{}", self.logs, if self.logs == 1 { "" } else { "s" });
         let verdict = self.verdict();
+        // Worst first, in the order of `verdict`.
         if verdict == Verdict::WorseThanNominal {
             return format!(
                 "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",
