@@ -19,6 +19,7 @@ const STEP: f64 = 0.05;
 /// The doubts of the checks of logs, each kind once. In some walks of any robot noise decides how joints follow: such findings
 /// count only if most logs have them.
 pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
+    // Each log is checked on its own, so the checks run in parallel.
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
     let reported_elsewhere = [
         FindingKind::TooShort,
@@ -37,6 +38,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         check(log, &CheckSpec::of_robot(scene.walker.batch.model(), &log.joints))
     });
     for (read, checked) in reads.iter().zip(checked) {
+        // Each kind counts once a log, so that the number below is one of logs.
         let mut seen = Vec::new();
         for finding in read.noticed.iter().cloned().chain(checked) {
             if finding.severity == Severity::Note
@@ -66,6 +68,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
 /// Logs that say they are another robot's or were made with other gains.
 pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     let mut warnings = Vec::new();
+    // A policy without a robot's name fits any robot.
     let known = !interface.robot.is_empty();
     let other_robot =
         |read: &&Read| known && read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
@@ -77,6 +80,7 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
             interface.robot
         ));
     }
+    // Only the first differing pair is named: usually all differ alike.
     let differs = |read: &Read| {
         let gains = read.trajectory.gains.as_ref()?;
         let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));
@@ -125,6 +129,7 @@ pub fn targets_differ(logs: &[Log], interface: &Interface) -> Option<String> {
         let (Some(target), Some(action)) = (&log.trajectory.target, &log.trajectory.action) else { continue };
         for (target, action) in target.chunks_exact(joints).zip(action.chunks_exact(joints)) {
             for joint in 0..joints {
+                // As the interface clips the action before it scales it.
                 let clip = interface.clip(joint);
                 let meant = interface.default_pose[joint]
                     + interface.action_scale[joint] * action[joint].clamp(-clip, clip);
