@@ -24,10 +24,12 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
             range(&velocity).is_some_and(|(low, high)| low < high) && !clipped(&velocity)
         })
         .collect();
+    // Joints by what their velocities look like.
     let pick = |test: &dyn Fn(&Scale) -> bool| -> Vec<usize> {
         joints.iter().filter(|(_, scale)| test(scale)).map(|(joint, _)| *joint).collect()
     };
 
+    // Signs first: a factor of a mirrored velocity means nothing.
     let flipped = pick(&|scale| scale.correlation < -SAME);
     if !flipped.is_empty() {
         let message = format!(
@@ -54,6 +56,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
         let together = pick(&|scale| scale.same() && with_it(scale));
         scaled(findings, &together, [shared, shared], far(shared), Some(shared));
     }
+    // Joints with a factor of their own point to units or gear ratios.
     let off: Vec<(usize, &Scale)> = joints
         .iter()
         .filter(|(_, scale)| scale.same() && !with_it(scale) && !scale.may_be(1.0))
