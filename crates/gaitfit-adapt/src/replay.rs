@@ -157,9 +157,9 @@ impl Simulator for ReplaySimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
-        // Resets make a new start inside a log, which the engine's derivatives do not follow.
         let exact = self.replay.options().preset != Preset::Converged;
         let whole = candidate.values.len() == theta.len() && !theta.is_empty();
+        // Resets make a new start inside a log, which the engine's derivatives do not follow.
         if candidate.resets != Resets::Never || !exact || !whole {
             return Ok(false);
         }

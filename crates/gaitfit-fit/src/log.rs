@@ -65,7 +65,6 @@ pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
             1e3 * lead
         ),
     };
-    // Without a lead there is nothing to note.
     Ok((lead != 0.0).then(|| {
         format!(
             "the targets are stamped {:.2} ms (±{:.2} ms) after the rows that they answer; {counts}",

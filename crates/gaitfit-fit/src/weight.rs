@@ -116,7 +116,6 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
         let rest = part.cholesky().map(|factor| factor.solve(&right.fixed_rows::<2>(1).into_owned()));
         fit = rest.map_or_else(Vector3::zeros, |rest| Vector3::new(0.0, rest[0], rest[1]));
     }
-    // Least squares with a clamped part: the general formula for the explained square is needed.
     // Without the weight the fit is no minimum of all three, so this is not `fit · right`.
     let explained = 2.0 * fit.dot(&right) - (fit.transpose() * normal * fit)[0];
     (square - explained).max(0.0)
@@ -296,8 +295,8 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
 /// The part of the squares of q_des − q that weight and friction leave unexplained, mean over groups of siblings,
 /// which share a gain.
 fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -> f64 {
-    // The weights depend on the order, because each column is another joint's angle.
     let width = order.len();
+    // The weights depend on the order, because each column is another joint's angle.
     let weights: Vec<Vec<f64>> = samples
         .rows
         .iter()

@@ -321,7 +321,6 @@ fn read_rows(
     }
     // A channel without any number is left out as a whole; that is no hole.
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
-    // Only holes in channels that have numbers elsewhere count; the first one is reported.
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
     Ok(Rows { samples, hole, too_fast, too_far })

@@ -192,7 +192,7 @@ impl LagSums {
     pub(crate) fn add(&mut self, number: usize, log: &Trajectory, joints: &[usize]) {
         let width = log.joints.len();
         for sample in 1..log.len().saturating_sub(2) {
-            // Four samples in a row are needed: two slopes on each side of the middle interval.
+            // Four samples in a row are needed: the interval itself and one on each side.
             if !whole(log, sample - 1, sample + 2) {
                 continue;
             }

@@ -97,9 +97,9 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
             let includes = element.has_tag_name("include");
             let Some(file) = element.attribute("file").filter(|_| includes || element.has_tag_name("hfield"))
             else {
-                // Any of the folders may hold the part: which one depends on the file that names it.
                 continue;
             };
+            // Any of the folders may hold the part: which one depends on the file that names it.
             let places = folders.iter().map(|folder| folder.join(file)).filter(|path| path.is_file());
             for path in places.collect::<Vec<_>>() {
                 if !paths.contains(&path) {

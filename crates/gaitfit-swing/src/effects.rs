@@ -307,10 +307,10 @@ impl<'a> Base<'a> {
 
     /// The unknown of `column` in the equations, and the part of what they leave that it explains.
     pub fn added(&self, column: &[f64]) -> Option<(Estimate, f64)> {
+        // The added-variable regression: what the known columns explain is taken out of the new one, and what is
+        // left of it is regressed on the residuals.
         let rest = self.without(column);
         let sum =
-            // The added-variable regression: what the known columns explain is taken out of the new one, and what
-            // is left of it is regressed on the residuals.
             |of: &dyn Fn(usize) -> f64| -> f64 { (0..rest.len()).map(|k| self.weights[k] * of(k)).sum() };
         let square = sum(&|k| rest[k] * rest[k]);
         let before = sum(&|k| self.left[k] * self.left[k]);

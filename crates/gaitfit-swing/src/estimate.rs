@@ -159,8 +159,8 @@ impl Choice {
         };
         // Without enough swings anywhere the lowest clearance is taken: it has the most.
         let mut best = choices.iter().rposition(enough).unwrap_or_default();
-        // It must agree with all clearances between it and the first one, or a slow drift from one to the next
-        // would pass.
+        // A lower clearance must agree with all between it and the first one, or a slow drift from one to the
+        // next would pass.
         let highest = best;
         while best > 0 && (best..=highest).all(|high| choices[best - 1].fit.agrees(&choices[high].fit)) {
             best -= 1;

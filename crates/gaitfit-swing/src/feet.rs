@@ -75,7 +75,6 @@ impl Ground {
             };
         }
         let ends = &poses.ends;
-        // A joint near the trunk may move several ends.
         // Ends that each joint moves.
         let moved: Vec<Vec<usize>> = (0..joints)
             .map(|joint| (0..ends.len()).filter(|&end| ends[end].chain.contains(&joint)).collect())

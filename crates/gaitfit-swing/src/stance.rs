@@ -182,7 +182,6 @@ impl Scene<'_> {
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
             let ends = ground.feet[point].iter().zip(&walk.poses.ends).filter(|(foot, _)| stands(foot));
             let feet: Vec<StandingFoot<'_>> = ends
-                // Only feet that surely stand.
                 .map(|(foot, end)| {
                     let heights = walk.poses.levers(point, end).iter().map(|lever| lever[2]);
                     StandingFoot { foot, levers: end.chain.iter().copied().zip(heights).collect() }

@@ -117,9 +117,9 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
             // The log's number in the upper half keeps blocks of different logs apart.
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
+            let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();
             // All pairs: on a level floor two standing feet are equally high, and a tilt shows as lever times
             // angle.
-            let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();
             for (k, one) in feet.iter().enumerate() {
                 for other in &feet[k + 1..] {
                     let between = sub(one.point, other.point);

@@ -119,7 +119,6 @@ impl Current {
                 unknowns.add(seen.precisions[row] * seen.residuals[row], &mut right);
             }
             // Columns of three slices: this is most of the work.
-            // The lower half alone: the matrix is symmetric.
             let (across, projected) = (seen.across.as_slice(), seen.projected.as_slice());
             for (column, below) in normal.as_mut_slice().chunks_exact_mut(columns).enumerate() {
                 let [x, y, z] = [0, 1, 2].map(|axis| across[axis * columns + column]);
@@ -129,6 +128,7 @@ impl Current {
                 }
                 let [along_x, along_y, along_z] =
                     [0, 1, 2].map(|axis| &projected[axis * columns..][..columns]);
+                // The lower half alone: the matrix is symmetric.
                 for row in column..columns {
                     below[row] -= along_x[row] * x + along_y[row] * y + along_z[row] * z;
                 }

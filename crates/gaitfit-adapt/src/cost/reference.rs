@@ -300,10 +300,10 @@ impl Reference {
             .get(signal)
             .ok_or_else(|| CostError::MissingSignal { signal, side: "the simulation".into() })?;
         let width = signal.width(self.joints.len());
+        // A wrong number of values would shift every later row.
         if !matrix.len().is_multiple_of(width) {
             return Err(CostError::Shape {
                 signal,
-                // A wrong number of values would shift every later row.
                 recording,
                 len: matrix.len(),
                 expected: format!("a multiple of {width}"),

@@ -69,7 +69,6 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         ));
     }
     let scanned = outcome.parameters.len() <= MAX_SCANNED;
-    // With many parameters (weights of networks) different values can mean the same robot.
     let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
     let apart: Vec<String> = apart.collect();
     if !apart.is_empty() {

@@ -324,7 +324,6 @@ impl<'a> Fit<'a> {
         let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
         let mut steps = Vec::with_capacity(numbers.len());
         for together in numbers.chunks(at_once) {
-            // A copy moves: if the batch is cancelled, the run must still be as before.
             let mut moved: Vec<Run> = together.iter().map(|&run| self.runs[run].clone()).collect();
             let mut searches: Vec<_> = moved
                 .iter_mut()

@@ -44,8 +44,8 @@ impl CostOutcome {
         comparison: &FinalComparison<'_>,
         best: impl DoubleEndedIterator<Item = &'a [f64]>,
     ) -> Result<(), FitError> {
-        // Means of a mirrored distribution may lie outside the bounds.
         let entries = comparison.theta.entries();
+        // Means of a mirrored distribution may lie outside the bounds.
         let clamped = |mean: &Vec<f64>| -> Vec<f64> {
             let pairs = mean.iter().zip(entries);
             pairs.map(|(value, entry)| value.clamp(entry.lower, entry.upper)).collect()

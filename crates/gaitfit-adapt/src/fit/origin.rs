@@ -95,8 +95,7 @@ impl Origin {
     /// may be asked for.
     pub(super) fn difference(&self, saved: &Self) -> Option<String> {
         let list = |names: Vec<&str>| shown(&names.join(", "));
-        // Only the first difference is named: what differs first often causes the rest. Joints come first because
-        // the order of all numbers depends on them.
+        // Only the first difference is named. Joints come first: the order of all signals depends on them.
         let texts = |names: &[String]| list(names.iter().map(String::as_str).collect());
         if saved.joints != self.joints {
             let (before, now) = (texts(&saved.joints), texts(&self.joints));

@@ -127,7 +127,6 @@ impl Run {
         let best = self.best().cloned().ok_or_else(diverged)?;
         self.diverged += stepped.diverged;
         self.falls += stepped.falls;
-        // The search decides alone when it ends: it knows its steps.
         if let By::LeastSquares(search) = &self.by {
             self.stop = search.stop();
         }
@@ -291,7 +290,6 @@ impl Run {
                 let mut search = Search::resume(settings(self.seed, theta, options), plan(options), *state)
                     .map_err(refused)?;
                 // A run that had ended at the limit of generations, which is higher now, may have settled there.
-                // Under the old limit nobody asked whether it had settled.
                 if saved.stop == Some(Stop::Generations) && !search.is_finished() && settled(&search, options)
                 {
                     search.end().map_err(refused)?;

@@ -86,7 +86,7 @@ pub fn measure<S: Simulator + ?Sized>(
     let pending: Vec<Mutex<Pending>> = rollouts.iter().map(begin).collect();
     let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
-        // After a panic on another thread the numbers here are still whole.
+        // A panic on another thread must not hide behind a second one here.
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         // A simulator may bring a recording only once.
         let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
@@ -96,7 +96,7 @@ pub fn measure<S: Simulator + ?Sized>(
         pending.bytes += bytes;
         pending.missing -= 1;
         if pending.missing == 0 {
-            // Taken out and dropped after the costs: all signals of all rollouts would not fit into memory.
+            // Taken out, so that the signals are freed as soon as their costs are known.
             let signals = std::mem::take(&mut pending.signals);
             pending.costs = Some(views.totals(&signals));
             notify();

@@ -161,8 +161,8 @@ impl NetworkRule {
         }
         // Each share is one network: its joints have the same weights.
         let shares = self.per.shares(kind, &self.joints, groups, joints)?;
-        let searched = self.start.searched();
         // Only the weights that the start leaves open are searched; the others are fixed.
+        let searched = self.start.searched();
         let units = self.start.units(self.output_scale, self.kind == NetworkName::ResidAct);
         let mut entries = Vec::with_capacity(shares.len() * searched.len());
         let mut networks = Vec::with_capacity(shares.len());

@@ -100,8 +100,8 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
             let metrics = search::metrics(folder)?;
             let swings = || match early {
-                Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
                 // A panic of that thread is passed on, as if it had happened here.
+                Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
                 None => swing::findings(&setup.method, &setup.fit.logs),
             };
             let done = results::Searched { outcomes: &outcomes, course: &metrics, odd_joints: odd, seconds };

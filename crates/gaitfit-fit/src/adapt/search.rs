@@ -153,8 +153,9 @@ fn ended(outcomes: &[CostOutcome]) -> Option<String> {
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
-// Everything is read and compared before the metrics are cut: a refused resumption leaves the folder as it was.
 fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
+    // Everything is read and compared before the metrics are cut: a refused resumption leaves the folder as it
+    // was.
     let (simulator, theta, costs) =
         (setup.searched().simulator.as_ref(), &setup.theta, setup.costs.as_slice());
     let options = setup.options.clone();

@@ -285,7 +285,7 @@ fn what_logs_show(
         numbers.extend(remedies.single_numbers().iter().filter(|_| config.swings).cloned());
         note = remedies.note();
     }
-    // What robots of this size usually have, where no measurement says more.
+    // Priors that no log gives.
     numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));
     (numbers, note)
 }

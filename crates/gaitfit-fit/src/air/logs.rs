@@ -51,7 +51,7 @@ pub fn read(
             trajectory.len()
         )));
     }
-    // A clamped robot's log may have some of the joints only.
+    // A replay needs all joints of the robot.
     let all: Vec<usize> = (0..model.joints.len()).collect();
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
     let mut findings = report.findings();

@@ -50,7 +50,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
         log.base.as_ref().is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some())
     });
     let samples = if with_imu { SAMPLES_WITH_IMU } else { SAMPLES };
-    // An arrangement that the policy cannot have is infinitely bad.
+    // An arrangement without a measure is infinitely bad.
     let measure = |arrangement: &Arrangement, samples: usize| {
         let (policy, logs) = arranged(policy, logs, arrangement, derived);
         policy_check::mismatch_of(&policy, &logs.iter().collect::<Vec<_>>(), samples).unwrap_or(f64::INFINITY)

@@ -248,7 +248,7 @@ fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     let commands = shown.log.command.as_deref().filter(|_| !shown.clamped);
     let robot = |name: &str, motion: Motion| {
         let mut frames = motion.frames(&shown.model, rows.start, every, commands);
-        // A thinned motion may have one frame more than the shown rows.
+        // `frames` goes on to the end of the log; only the shown rows count.
         frames.truncate(rows.len().div_ceil(every));
         gaitfit_view::replay::ReplayRobot { name: name.to_owned(), frames, ..shape.clone() }
     };

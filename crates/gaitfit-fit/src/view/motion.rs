@@ -64,7 +64,6 @@ impl Motion {
             for (k, at) in at.iter_mut().enumerate() {
                 *at += steps.iter().map(|step| step[k]).sum::<f64>() / steps.len().max(1) as f64;
             }
-            // The lowest part touches the ground.
             position.push([at[0], at[1], -depth]);
             last = places;
         }

@@ -19,7 +19,6 @@ const STEP: f64 = 0.05;
 /// The doubts of the checks of logs, each kind once. In some walks of any robot noise decides how joints follow: such findings
 /// count only if most logs have them.
 pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
-    // Each log is checked on its own, so the checks run in parallel.
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
     let reported_elsewhere = [
         FindingKind::TooShort,
@@ -33,6 +32,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         FindingKind::MissingJoint,
     ];
     let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
+    // Each log is checked on its own, so the checks run in parallel.
     let checked = pool::map(reads.len(), machine::threads(), |at| {
         let log = &reads[at].trajectory;
         check(log, &CheckSpec::of_robot(scene.walker.batch.model(), &log.joints))
@@ -80,7 +80,6 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
             interface.robot
         ));
     }
-    // Only the first differing pair is named: usually all differ alike.
     let differs = |read: &Read| {
         let gains = read.trajectory.gains.as_ref()?;
         let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));

@@ -89,9 +89,9 @@ impl<'a> Search<'a> {
     ) -> (Vec<f64>, Given) {
         let missing = given.missing(&self.policy.interface);
         let unknowns = missing.len();
+        // The first guess: level and at rest, the most likely state.
         let mut values = vec![0.0; unknowns];
         let mut action = self.act(log, sample, last, &[given.filled(&missing, &values)], clock).remove(0);
-        // The first guess: level and at rest, the most likely state.
         if unknowns == 0 {
             return (action, *given);
         }

@@ -199,7 +199,6 @@ fn open_all(
         }
         reads.push(read);
     }
-    // Notes come in the order of the files, behind the warnings about single ones.
     warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
     warnings.extend(reads.iter().filter_map(|read| read.motion.clone()));
     warnings.extend(mounting::settle(&mut reads, policy));
@@ -242,6 +241,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
             .collect();
         let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, config.fall_margin());
         seconds += kept.iter().map(|stretch| stretch.len() as f64 * read.trajectory.dt()).sum::<f64>();
+        // Resampled stretch by stretch, so that no row spans a cut.
         for stretch in kept {
             stretches.push(count(read, stretch, scene)?);
         }
@@ -253,7 +253,6 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
 /// Compares the actions of `logs` with the policy's, and adds to `warnings` what is doubtful.
 ///
 /// # Errors
-// Resampled stretch by stretch, so that no row spans a cut.
 /// Actions that are not the policy's.
 fn follow(
     policy: &Policy,

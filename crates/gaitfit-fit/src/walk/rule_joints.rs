@@ -31,7 +31,6 @@ pub fn limit(rules: &mut [ParameterRule], interface: &Interface, joints: &[Strin
         let has_effect =
             |joint: &&String| (moves(joint) || !only_moved) && !(is_wheel(joint) && about_angles);
         let kept: Vec<String> = joints.iter().filter(has_effect).cloned().collect();
-        // A rule that would cover no joint stays, and is refused with its own message.
         if !kept.is_empty() && kept.len() < joints.len() {
             rule.joints = kept;
         }

@@ -109,7 +109,6 @@ impl SwingFindings {
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::new(model, &steady, settings.threads).unwrap_or_default();
         let level = better(&|log| standing.corrected(log), &steady);
-        // Walks are made of the corrected logs.
         let walks = Walk::all(model, &level.iter().collect::<Vec<_>>(), settings.threads);
         let (walks, swings) = match walks {
             Ok(walks) => {

@@ -151,7 +151,6 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
 
 fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
     let log = findings.log;
-    // Neither targets nor joints move, though the command asks for it: the policy was not running.
     let idle: Vec<bool> = windows.iter().map(|window| window.rests() && window.command > COMMANDED).collect();
     for run in runs(&idle) {
         let span = span(&windows[run]);

@@ -22,7 +22,6 @@ const NEARLY_ALL: f64 = 0.98;
 pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f64>) -> bool {
     let log = findings.log;
     let steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    // All places are counted, the first is shown.
     let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
     if let Some(&first) = backward.first() {
         // Remedies differ: copies may go, late rows have values of their own.

@@ -24,7 +24,6 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
             range(&velocity).is_some_and(|(low, high)| low < high) && !clipped(&velocity)
         })
         .collect();
-    // Joints by what their velocities look like.
     let pick = |test: &dyn Fn(&Scale) -> bool| -> Vec<usize> {
         joints.iter().filter(|(_, scale)| test(scale)).map(|(joint, _)| *joint).collect()
     };

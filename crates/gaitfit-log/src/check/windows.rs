@@ -142,8 +142,7 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
     if length < WINDOW_SAMPLES {
         return Vec::new();
     }
-    // So that the end is judged too, where falls are.
-    // The last window ends with the log.
+    // The last window ends with the log, where falls are.
     let last = count - length;
     let step = (length / 2).max(1);
     let mut windows: Vec<Window> = (0..last)

@@ -27,7 +27,7 @@ pub trait Configuration: DeserializeOwned {
 /// Reads `path` (without one: the defaults) and applies `sets` (`a.b=c`; list entries by number,
 /// `parameter.0.upper=1`).
 pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
-    // A log or a robot in the place of a configuration is the usual mix-up of arguments.
+    // A log or a robot in the place of a configuration gets a message of its own.
     if let Some(other) = path.and_then(no_configuration) {
         return Err(Error::settings(other));
     }

@@ -301,8 +301,8 @@ impl Inference<'_> {
         let entries = self.problem.theta.entries().iter().enumerate();
         let robot = response.robot_of(self.values);
         let near = rounds.iter().enumerate().filter(|(number, _)| !far.contains(number));
-        // Entries that did not move keep the fit's value: no round has tried to correct them.
         let last: Vec<&Round> = near.map(|(_, round)| round).rev().take(LAST).collect();
+        // Entries that did not move keep the fit's value: no round has tried to correct them.
         let corrected = entries.map(|(at, entry)| {
             if self.moving[at] { robot[at].clamp(entry.lower, entry.upper) } else { self.fitted[at] }
         });

@@ -281,7 +281,6 @@ pub(super) fn step(
         trials.iter().map(|trials| trials.iter().map(|one| one.values.clone()).collect()).collect();
     let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
         searches.iter().zip(&candidates).map(|((_, problem), all)| (*problem, all.as_slice())).collect();
-    // All searches' trials are simulated together.
     let tried = residuals(&asked)?;
     let known = slopes.iter().zip(trials.iter().zip(&tried));
     let chosen = searches.iter_mut().zip(known).map(|((search, problem), (slopes, (trials, tried)))| {

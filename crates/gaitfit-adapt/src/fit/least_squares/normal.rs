@@ -165,7 +165,6 @@ impl Normal {
                 rest = others;
             }
         }
-        // The triangle is mirrored.
         let curvature = DMatrix::from_fn(entries, entries, |i, j| {
             let (row, column) = (i.max(j), i.min(j));
             lower[row * (row + 1) / 2 + column]

@@ -47,7 +47,6 @@ pub fn sensitivity(
     values: &[f64],
     difference: Option<f64>,
 ) -> Result<Option<Sensitivity>, FitError> {
-    // One Jacobian is enough: no search is made.
     let Some(Around { residuals, jacobian, .. }) = around(&problem, values)? else { return Ok(None) };
     let curvature =
         Normal::whole(&jacobian, &residuals, Loss::square(), problem.simulator.threads()).curvature;

@@ -169,7 +169,6 @@ fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimat
     }
     let (rounds, posteriors) = source.run(values)?;
     let Posteriors { groups, together, .. } = &posteriors;
-    // The mean of the two predictions, see the head of the file.
     let middle: Vec<f64> = groups.values.iter().zip(&together.values).map(|(a, b)| 0.5 * (a + b)).collect();
     let corrected = within(entries, &middle);
     // The rounds have used the numbers below this one. A robot with a used number would have the same random draws.

@@ -105,7 +105,7 @@ pub enum Verdict {
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
-        // The order is that of severity: each branch knows that the ones before do not hold.
+        // First what rules a fit out, then trials of the same commands, then the floor.
         // A robot whose simulation diverges is no better than the one before the fit.
         let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
@@ -114,8 +114,6 @@ impl HeldOut {
         if self.falls > self.nominal_falls && self.falls > self.max_falls() {
             return Verdict::Falls;
         }
-        // Other trials of the same commands are the fairer measure: robots differ more from trial to trial than
-        // within one.
         if self.trials.as_ref().is_some_and(Trials::explained) {
             return Verdict::Explained;
         }

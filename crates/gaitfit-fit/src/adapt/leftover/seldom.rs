@@ -105,7 +105,6 @@ fn cubic([from, to]: [f64; 2], [begins, ends]: [f64; 2], part: f64) -> f64 {
 fn ramp(target: &mut [f64], width: usize, longest: usize) {
     let rows = target.len() / width.max(1);
     for joint in 0..width {
-        // Knots of the curve.
         // Where a new target begins, and what it is.
         let mut knots: Vec<(usize, f64)> = Vec::new();
         for row in 0..rows {
