@@ -88,6 +88,7 @@ impl ReplaySimulator {
             moved[at] = (values[at] + by * entry.deviation).clamp(entry.lower, entry.upper);
             moved
         };
+        // Both neighbours are clamped, so at a bound the difference is one-sided and `distance` is what is left.
         let (ahead, behind) = (moved(APART), moved(-APART));
         let distance = ahead[at] - behind[at];
         if distance.is_nan() || distance <= 0.0 {
@@ -158,9 +159,12 @@ impl Simulator for ReplaySimulator {
     ) -> Result<bool, SimulatorError> {
         let exact = self.replay.options().preset != Preset::Converged;
         let whole = candidate.values.len() == theta.len() && !theta.is_empty();
+        // Resets make a new start inside a log, which the engine's derivatives do not follow.
         if candidate.resets != Resets::Never || !exact || !whole {
             return Ok(false);
         }
+        // Without a direction for some entry the derivatives would not be whole, and differences replace them
+        // all.
         let mut directions = Vec::with_capacity(theta.len());
         for at in 0..theta.len() {
             match self.direction(theta, &candidate.values, at)? {

@@ -155,10 +155,12 @@ fn place(signal: Signal, joints: usize) -> usize {
 fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measured {
     let (joints, recordings) = (reference.joints().len(), reference.recordings());
     let counted = reference.counted();
+    // Two layouts of the same numbers: sorted by dimension for distances, in time for squared differences.
     let mut sorted = vec![0.0; dimensions * counted];
     let mut recorded = vec![0.0; recordings * samples * dimensions];
     for signal in Signal::ALL {
         let (first, width) = (place(signal, joints), signal.width(joints));
+        // The GPU keeps only the signals that its simulator makes.
         if first + width > dimensions {
             continue;
         }
@@ -168,6 +170,7 @@ fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measure
         for recording in 0..recordings {
             let rows = reference.recorded(signal, recording).unwrap_or_default().chunks_exact(width);
             for (row, values) in rows.enumerate() {
+                // Rows of the pre-roll stay 0: they do not count.
                 let at = (recording * samples + reference.skip() + row) * dimensions + first;
                 recorded[at..at + width].copy_from_slice(values);
             }
@@ -210,6 +213,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
+        // Rollouts that a GPU cannot simulate go to the CPU; `places` leads back to the caller's numbers.
         let numbered = |there: bool| -> (Vec<usize>, Vec<Rollout>) {
             let numbered = candidates.iter().cloned().enumerate();
             numbered.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
@@ -226,6 +230,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
         let provided = Signal::ALL.map(|signal| self.provides(signal));
         let pass = |candidate: usize, recording: usize, tracks: Tracks<'_>| {
             let matrix = |signal: Signal| -> Vec<f32> {
+                // The GPU keeps all signals in one row a sample; the caller wants a matrix a signal.
                 let (first, width) = (place(signal, joints), signal.width(joints));
                 let rows = tracks.rows.chunks_exact(tracks.dimensions);
                 rows.flat_map(|row| row[first..first + width].iter().copied()).collect()
@@ -261,6 +266,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
         jobs: &[Job],
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Evaluation>, FitError> {
+        // For each cost the numbers that the GPU has to compute; `None` if its signals must come back to the CPU.
         let mut there = Vec::with_capacity(costs.len());
         for cost in costs {
             let pieces = cost.pieces().filter(|_| self.host.resets(cost.resets()));
@@ -274,6 +280,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
             (0..jobs.len()).partition(|&job| there[jobs[job].cost].is_some());
         if !others.is_empty() {
             let rest: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
+            // `accumulate` simulates on the GPU too if it can: only the comparison is the CPU's.
             for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &rest, cancel)?) {
                 evaluations[job] = Some(evaluation);
             }
@@ -291,6 +298,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
             })
             .collect();
         let robots = self.jobs(theta, &rollouts)?;
+        // The lock is held for the whole batch: one GPU does one batch at a time.
         let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, cancel);
         for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
             evaluations[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));

@@ -48,6 +48,7 @@ mod with_cuda {
                 start: start.clone(),
             };
             let begins: Vec<Vec<Begin>> = begins.iter().map(|all| all.iter().map(begin).collect()).collect();
+            // A job's logs may come from different threads, and are passed on once all are there.
             let made: Vec<Mutex<Vec<Option<Track>>>> =
                 begins.iter().map(|all| Mutex::new(vec![None; all.len()])).collect();
             let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
@@ -55,11 +56,13 @@ mod with_cuda {
                 let mut of_job = made[job].lock().unwrap_or_else(PoisonError::into_inner);
                 of_job[recording] = Some(track);
                 if of_job.iter().all(Option::is_some) {
+                    // Taken out under the lock, passed on without it: `keep` may take long.
                     let whole = std::mem::take(&mut *of_job);
                     drop(of_job);
                     keep(job, whole.into_iter().flatten().collect());
                 }
             };
+            // The GPU makes one batch at a time.
             let mut candidates = self.0.lock().unwrap_or_else(PoisonError::into_inner);
             // The CPU makes the logs that the GPU did not make.
             let _ = candidates.make_logs(subject, jobs, &begins, &consume, cancel);

@@ -42,6 +42,7 @@ pub fn lead<'a>(logs: impl IntoIterator<Item = &'a Trajectory>) -> f64 {
 /// Logs of a replay whose leads differ by more than half a millisecond: one delay cannot count from all of them.
 pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
     let lead_of_log = |log: &Log| log.trajectory.lead.map_or(0.0, |lead| lead.seconds);
+    // The extremes are enough: all others lie between them.
     let by = |a: &&Log, b: &&Log| lead_of_log(a).total_cmp(&lead_of_log(b));
     let (Some(first), Some(last)) = (logs.iter().min_by(by), logs.iter().max_by(by)) else { return Ok(None) };
     if !walks && lead_of_log(last) - lead_of_log(first) > SAME_LEAD_S {

@@ -15,6 +15,7 @@ pub fn settings<C: Serialize>(config: &C) -> Result<Vec<Setting>, Error> {
                     flatten(&name, value, into);
                 }
             }
+            // Arrays of tables are listed by number, plain arrays stay one value.
             toml::Value::Array(array) if array.iter().any(toml::Value::is_table) => {
                 for (index, value) in array.iter().enumerate() {
                     flatten(&format!("{name}.{index}"), value, into);

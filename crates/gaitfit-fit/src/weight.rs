@@ -100,6 +100,7 @@ fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
     let mut normal = Matrix3::<f64>::zeros();
     let mut right = Vector3::<f64>::zeros();
     for &[w, speed, sign, x] in blocks {
+        // With a known gain the weight's part is moved to the known side, and its column is empty.
         let x = kp.map_or(x, |kp| x - w / kp);
         let row = Vector3::new(if kp.is_some() { 0.0 } else { w }, speed, sign);
         normal += row * row.transpose();
@@ -135,6 +136,7 @@ fn kind(name: &str) -> String {
 pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     let (Some(samples), Some(gains)) = (Samples::new(log), &log.gains) else { return Vec::new() };
     let width = model.joints.len();
+    // `order` leads from the log's columns to the model's joints.
     let order: Vec<usize> = log.joints.iter().filter_map(|joint| model.find_joint(joint)).collect();
     if log.joints.len() != width || order.len() != width {
         return Vec::new();
@@ -148,6 +150,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     };
     let mut joints = Vec::new();
     for joint in (0..width).filter(|&joint| gains.kp[joint] > 0.0) {
+        // Weight at the logged angles, and with this joint mirrored.
         let [weights, turned] = [1.0, -1.0]
             .map(|sign| samples.rows.iter().map(|(q, ..)| hold(q, joint, sign)).collect::<Vec<f64>>());
         let kp = gains.kp[joint];
@@ -158,6 +161,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
             kp * (unexplained(&blocks, Some(kp)) / blocks.len().max(1) as f64).sqrt()
         };
         let (as_is, flipped) = (regressed(&weights), regressed(&turned));
+        // If both weights are alike, the log cannot tell the signs apart.
         let apart: f64 = weights.iter().zip(&turned).map(|(a, b)| (a - b).powi(2)).sum();
         let apart = (apart / weights.len() as f64).sqrt();
         let heavy = model.joints[order[joint]].kind.like("N·m", HEAVY);
@@ -197,6 +201,7 @@ pub enum Order {
 pub fn order(log: &Trajectory, model: &Model) -> Order {
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     if log.joints.len() != names.len() || log.validate().is_err() || log.is_empty() {
+        // A log that does not fit the model has no order to judge.
         return Order::Unknown;
     }
     // Column k was taken for `assumed[k]`, and is `order[k]` in truth.
@@ -205,6 +210,7 @@ pub fn order(log: &Trajectory, model: &Model) -> Order {
         return Order::Unknown;
     }
     let samples = Samples::new(log);
+    // Beyond a limit an order is impossible; without targets only limits decide.
     let score = |order: &[usize]| -> Option<f64> {
         if beyond(log, model, order) {
             return None;
@@ -223,6 +229,7 @@ pub fn order(log: &Trajectory, model: &Model) -> Order {
         .collect();
     let best = others.iter().filter(|(_, value)| value.is_finite()).min_by(|a, b| a.1.total_cmp(&b.1));
     let named = |order: &[usize]| order.iter().map(|&joint| names[joint].clone()).collect();
+    // In this order: the assumed one clearly better, another clearly better, then what limits alone say.
     match (here, best) {
         (Some(here), Some((_, best))) if here < CLEARLY * best => Order::Shown,
         (Some(here), Some((order, best))) if *best < CLEARLY * here => Order::Other(named(order)),
@@ -256,6 +263,7 @@ fn usual_orders(names: &[String]) -> Vec<Vec<usize>> {
     let find =
         |wanted: &str, of: &str| (0..names.len()).find(|&at| legs[at] == wanted && kind(&names[at]) == of);
     let mut orders = Vec::new();
+    // Sequences of legs, each leg by leg and type by type.
     for sequence in [["fl", "fr", "rl", "rr"], ["fr", "fl", "rr", "rl"]] {
         let by_leg: Option<Vec<usize>> = sequence
             .iter()
@@ -288,6 +296,7 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
 /// which share a gain.
 fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -> f64 {
     let width = order.len();
+    // The weights depend on the order, because each column is another joint's angle.
     let weights: Vec<Vec<f64>> = samples
         .rows
         .iter()
@@ -301,6 +310,7 @@ fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -
     for (column, &joint) in order.iter().enumerate() {
         let rows =
             samples.rows.iter().zip(&weights).map(|((_, dq, away), w)| (w[joint], dq[column], away[column]));
+        // Siblings share a gain, so they are one regression.
         groups.entry(kind(&names[joint])).or_default().extend(blocks(rows, samples.seconds));
     }
     // Relative to the square of x, so that soft joints count as much as stiff ones.

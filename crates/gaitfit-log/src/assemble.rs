@@ -214,10 +214,12 @@ fn even_rows(
     stated_hz: Option<f64>,
     joints: usize,
 ) -> Result<Option<EvenRows>, LogError> {
+    // Stamps that run backwards have another fault, which the checks name.
     if samples.time.windows(2).any(|pair| pair[1] < pair[0]) {
         return Ok(None);
     }
     let rows = samples.time.len();
+    // A row that repeats the one before may rightly share its stamp.
     let is_new = |row: usize| {
         samples.channels.iter().any(|channel| {
             let width = channel.len() / rows;
@@ -231,6 +233,7 @@ fn even_rows(
             Ok(Some(even))
         }
         Stamps::Lost(coarse, why) => {
+            // If velocities and positions are of one clock, their ratio shows the rate.
             let hint = match samples.channels.as_slice() {
                 [position, velocity, ..] => rate_of_velocities(position, velocity, joints),
                 _ => None,
@@ -264,6 +267,7 @@ fn resolve_gains(
     joints: &[String],
     report: &mut ReadReport,
 ) -> Result<Option<Gains>, LogError> {
+    // One gain without the other is a mistake, not half a controller.
     let (kp, kd) = match (&metadata.kp, &metadata.kd) {
         (Some(kp), Some(kd)) => (kp, kd),
         (None, None) => return Ok(None),

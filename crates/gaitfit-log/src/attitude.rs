@@ -28,10 +28,12 @@ pub fn orientation_of_gravity(time: &[f64], gravity: &[f64], rates: Option<&[f64
             let turn = (w[1] * roll.sin() + w[2] * roll.cos()) / pitch.cos().max(0.05);
             if turn.is_finite() { turn } else { 0.0 }
         });
+        // Trapezoidal rule: rates are known at both ends of the step.
         if let Some((earlier, slower)) = before {
             let step: f64 = at - earlier;
             heading += 0.5 * (turn + slower) * step.max(0.0);
         }
+        // Rows without a direction are stepped over; the rate before them is the last known one.
         before = Some((*at, turn));
         let q: Quat = from_rpy(roll, pitch, heading);
         out.extend(q);

@@ -288,6 +288,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
         unwrapped.to_mut().unwrap_wheels();
     }
     let log = &*unwrapped;
+    // Messages and spans are made from the unwrapped log too.
     findings.log = log;
     joints::check(&mut findings, spec);
     if log.len() < 2 {
@@ -296,6 +297,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
         return findings.list;
     }
     let scales = scales(&log.time, &log.position, &log.velocity, log.joints.len());
+    // A wrong clock makes all velocities wrong by one factor; it is reported once.
     let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
     copies::check(&mut findings);

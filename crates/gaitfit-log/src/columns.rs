@@ -119,6 +119,7 @@ impl Header<'_> {
     fn per_joint(&mut self, prefix: &str, needed: bool) -> Result<Option<Vec<usize>>, LogError> {
         let column_of = |joint: &String| self.index.get(format!("{prefix}{joint}").as_str()).copied();
         let columns: Vec<Option<usize>> = self.joints.iter().map(column_of).collect();
+        // A column of an unknown joint is likely a typing error, so it is named with the reason.
         for (column, name) in self.names.iter().enumerate() {
             if let Some(joint) = name.strip_prefix(prefix)
                 && !joint.is_empty()
@@ -214,6 +215,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         return Err(missing(path, line, "q_<joint>", position_remedy(&names)));
     }
     let orphans = TimeUnit::ALL
+        // Two columns of time: the one that is taken is stated, the others are told.
         .into_iter()
         .filter_map(|unit| index.get(unit.column()).copied())
         .filter(|&column| column != time)
@@ -223,6 +225,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let known = joints.iter().map(String::as_str).collect();
     let mut header = Header { path, line, names: &names, index, joints: &joints, known, used, orphans };
     header.take(&[time]);
+    // Taken columns are marked, so that what is left at the end can be reported as ignored.
     header.take(&position);
 
     let velocity = header.per_joint("dq_", true)?.unwrap_or_default();
@@ -234,6 +237,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
 
     let command = header.group(&COMMAND);
     let motion = header.group(&MOTION);
+    // Half of the place in a motion cannot be used and must not be ignored in silence.
     if motion.is_none()
         && let Some(lacking) = MOTION.iter().find(|name| !names.iter().any(|own| own == *name))
         && MOTION.iter().any(|name| header.index.contains_key(name))

@@ -44,11 +44,13 @@ pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>,
         let wrong = check_entry(&path).err();
         files.push((path, wrong));
     }
+    // The folder of an excitation holds the motion to play beside its script; these are no logs.
     if folder.join("play.py").is_file() && folder.join(EXCITE[0]).is_file() {
         files.retain(|(path, _)| {
             !EXCITE.iter().any(|name| path.file_name().is_some_and(|file| file == *name))
         });
     }
+    // Folders list files in any order; results must not depend on it.
     files.sort_by(|a, b| a.0.cmp(&b.0));
     Ok(files)
 }

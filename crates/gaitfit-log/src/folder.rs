@@ -130,17 +130,21 @@ pub fn summarise_folder(
     let mut groups = BTreeMap::new();
     let mut lag = LagSums::default();
     for (number, (path, wrong)) in files.into_iter().enumerate() {
+        // Asked before each log, because reading one may take long.
         if progress(number, count).is_break() {
             return Err(LogError::Stopped);
         }
+        // A log that cannot be read is an entry, so that one bad file does not hide the others.
         let content = match wrong.map_or_else(|| read_csv_report(&path, options), Err) {
             Err(error) => LogContent::Unreadable(error.to_string()),
             Ok((log, report)) => {
                 let mut findings = report.findings();
                 findings.extend(check(&log, &spec(&log)));
+                // A log whose arrays do not fit has no velocities to compare.
                 if log.validate().is_ok() {
                     lag.add(&log, &scales(&log.time, &log.position, &log.velocity, log.joints.len()));
                 }
+                // Errors that the log allows count as warnings.
                 allow(&mut findings, &report.allowed);
                 summary.samples += log.len();
                 summary.duration_s += log.duration();
@@ -160,6 +164,7 @@ pub fn summarise_folder(
         };
         summary.logs.push(LogEntry { path, content });
     }
+    // The last step, at which all logs are done.
     if progress(count, count).is_break() {
         return Err(LogError::Stopped);
     }
@@ -167,6 +172,7 @@ pub fn summarise_folder(
     summary.velocity_lag = lag.lag().filter(VelocityLag::matters);
     summary.rates = count_rates(rates);
     summary.findings = groups.into_values().collect();
+    // The worst first, then those that concern most logs.
     summary.findings.sort_by_key(|group| std::cmp::Reverse((group.severity, group.logs.len())));
     Ok(summary)
 }

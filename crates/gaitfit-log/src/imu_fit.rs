@@ -119,6 +119,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
     let mut spans = Spans::new(log, rates)?;
     spans.trim(quaternion);
     let named = Reading::AS_NAMED;
+    // The named reading first: it is the measure for all others.
     let moments = spans.moments(quaternion, named.order, named.frame)?;
     let rms = |sum: f64| (sum / moments.count as f64).sqrt() / spans.seconds;
     let rms = [rms(moments.turned), rms(moments.integrated)];
@@ -203,13 +204,16 @@ impl Spans {
         }
         let seconds = length as f64 * typical;
         let (mut starts, mut integrated) = (Vec::new(), Vec::new());
+        // Spans may overlap; each sample begins one.
         for start in 0..samples - length {
             let part = log.time[start + length] - log.time[start];
+            // Over a gap the rates between the samples are not known.
             if !(part > 0.0 && part <= GAP * seconds) {
                 continue;
             }
             let mut sum = [0.0; 3];
             for i in start..start + length {
+                // Trapezoidal rule.
                 let step = log.time[i + 1] - log.time[i];
                 for axis in 0..3 {
                     sum[axis] += 0.5 * step * (rates[3 * i + axis] + rates[3 * i + 3 + axis]);
@@ -260,12 +264,14 @@ impl Spans {
 
     fn moments(&self, quaternion: &[f64], order: QuaternionOrder, frame: RateFrame) -> Option<Moments> {
         let turned = self.turned(quaternion, order, frame);
+        // Spans without an orientation are left out of means and moments alike.
         let whole = |pair: &(&Vec3, &Vec3)| pair.0.iter().all(|x| x.is_finite());
         let pairs = || turned.iter().zip(&self.integrated).filter(whole);
         let count = pairs().count();
         if count < ENOUGH {
             return None;
         }
+        // Means are taken out, because a constant bias is no wrong reading.
         let (mut of_a, mut of_c) = ([0.0; 3], [0.0; 3]);
         for (a, c) in pairs() {
             for axis in 0..3 {
@@ -320,11 +326,13 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
     let BaseState { quaternion: Some(quaternion), angular_velocity: Some(rates), .. } = base else {
         return None;
     };
+    // Rates and orientation as they are named: the coarse reading has been settled before.
     let spans = Spans::new(log, rates)?;
     let turned = spans.turned(quaternion, QuaternionOrder::Wxyz, RateFrame::Body);
     // Rates are composed in order here: turns about different axes do not quite add up, which would look like a bias.
     let integrated: Vec<Vec3> =
         spans.starts.iter().map(|start| composed(log, rates, *start, spans.length)).collect();
+    // Bias and lag of one part of the log.
     let part = |range: std::ops::Range<usize>| -> Option<(Vec3, f64)> {
         let mut off = [0.0; 3];
         let mut count = 0.0;
@@ -366,6 +374,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
     };
     let count = spans.starts.len();
     let (bias, lag) = part(0..count)?;
+    // The scatter between parts gives the errors; each part needs samples of its own.
     let parts: Vec<(Vec3, f64)> =
         (0..PARTS).filter_map(|k| part(k * count / PARTS..(k + 1) * count / PARTS)).collect();
     if parts.len() < PARTS {

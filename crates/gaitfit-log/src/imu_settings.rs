@@ -78,6 +78,7 @@ impl ImuSettings {
 
     /// Orientation and rates of the base, of columns that are as stated.
     pub fn apply(&self, base: &mut BaseState) {
+        // The order of the four steps matters: rates are turned by an orientation that is already right.
         if self.order == Some(QuaternionOrder::Xyzw)
             && let Some(quaternion) = &mut base.quaternion
         {
@@ -88,6 +89,7 @@ impl ImuSettings {
         if self.negated == Some(true) {
             factor = -factor;
         }
+        // A factor of 1 leaves all bits as they are.
         if let Some(rates) = base.angular_velocity.as_mut().filter(|_| factor != 1.0) {
             rates.iter_mut().for_each(|rate| *rate *= factor);
         }
@@ -101,6 +103,7 @@ impl ImuSettings {
         if let Some(angles) = self.mounting.filter(|angles| angles.iter().any(|angle| *angle != 0.0)) {
             let [roll, pitch, yaw] = angles.map(f64::to_radians);
             let of_base = from_rpy(roll, pitch, yaw);
+            // The orientation is that of the unit; the mounting taken away, it is that of the base.
             for q in base.quaternion.iter_mut().flat_map(|all| all.chunks_exact_mut(4)) {
                 let of_unit: Quat = quat_of(q);
                 q.copy_from_slice(&product(of_unit, inverse(of_base)));

@@ -41,6 +41,7 @@ impl<'a> Lines<'a> {
     /// Next line without its end, and its number from 1.
     pub fn next(&mut self) -> Result<Option<(u64, &str)>, LogError> {
         self.buffer.clear();
+        // One byte more than the limit tells a line that is too long from one that just fits.
         let read = (&mut self.input)
             .take(LINE_LIMIT as u64 + 1)
             .read_until(b'\n', &mut self.buffer)
@@ -58,6 +59,7 @@ impl<'a> Lines<'a> {
         if self.bytes > self.max_bytes {
             return Err(LogError::TooLarge { path: self.path.to_owned(), limit: self.max_bytes });
         }
+        // A binary file has its own message, before anything is said about lines or letters.
         if self.line == 1
             && let Some(hint) = binary_hint(&self.buffer)
         {
@@ -76,6 +78,7 @@ impl<'a> Lines<'a> {
             hint: "save the log as UTF-8 CSV text; if it was, the file is damaged here",
         })?;
         text = text.strip_suffix('\n').unwrap_or(text);
+        // Files of Windows end their lines with two characters, and may begin with a mark of their encoding.
         text = text.strip_suffix('\r').unwrap_or(text);
         if self.line == 1 {
             text = text.strip_prefix('\u{feff}').unwrap_or(text);

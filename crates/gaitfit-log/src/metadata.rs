@@ -48,6 +48,7 @@ impl PerJoint {
             }
             PerJoint::Named(entries) => resolve_named(what, entries, joints)?,
         };
+        // Checked after all forms are resolved, so that the message can name the joint.
         match values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
             Some(i) => Err(format!(
                 "{what} of {} is {}; gains are finite and not negative",
@@ -167,12 +168,14 @@ impl Metadata {
     /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
     pub fn add_comment(&mut self, comment: &str, place: &str) -> Result<Option<String>, LogError> {
         let refuse = |problem: String| LogError::Metadata { place: place.to_owned(), problem };
+        // Other programs write comments of their own: only lines that look like settings are looked at.
         let Some((key, _)) = comment.split_once('=') else { return Ok(None) };
         let key = key.trim();
         let is_key = !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c));
         if !is_key {
             return Ok(None);
         }
+        // A key that is nearly one of a log's is a mistake; any other is passed on to be reported.
         if !KEYS.contains(&key) {
             let folded: String = key.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
             let meant = match folded.as_str() {
@@ -198,6 +201,7 @@ impl Metadata {
                 escaped(error.message(), REASON)
             ))
         })?;
+        // TOML refuses a key twice in one text, but each comment line is a text of its own.
         let repeated = match key {
             "robot" => self.robot.as_ref().map(|said| &said.place),
             "rate_hz" => self.rate_hz.as_ref().map(|said| &said.place),
@@ -281,6 +285,7 @@ pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
         }
     }
     // A recording's `<stem>.toml` may be anything, such as the mapping that describes it.
+    // Each source is read whole; then the first that states a number wins, in the order below.
     let beside = |sidecar: PathBuf| -> Result<Metadata, LogError> {
         let mut metadata = Metadata::default();
         if sidecar != path && sidecar.is_file() {
@@ -335,6 +340,7 @@ fn read_sidecar(sidecar: &Path) -> Result<Statements, LogError> {
         remedy: "check its permissions, or read without sidecar files",
     };
     let refuse = |problem: String| LogError::Metadata { place: shown_path(sidecar), problem };
+    // Asked before reading, so that a wrong file is not loaded into memory.
     if sidecar.metadata().map_err(io)?.len() > SIDECAR_LIMIT {
         return Err(refuse(format!(
             "larger than {SIDECAR_LIMIT} bytes; a log's sidecar holds only gains, rate and robot"

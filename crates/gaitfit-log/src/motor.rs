@@ -47,6 +47,7 @@ pub fn gains(
     place: &mut Option<String>,
 ) -> Vec<Finding> {
     let width = joints.len();
+    // Gains count only if both are there for every sample and joint.
     let whole = |values: &[f64]| !values.is_empty() && values.len() == time.len() * width;
     if !(whole(&columns.kp) && whole(&columns.kd)) {
         return Vec::new();
@@ -61,6 +62,7 @@ pub fn gains(
     let changes = [("kp", &columns.kp), ("kd", &columns.kd)]
         .into_iter()
         .filter_map(|(name, values)| change(values).map(|(row, joint)| (row, joint, name, values)));
+    // The earliest change is named, because the log is to be cut there.
     if let Some((row, joint, name, values)) = changes.min_by_key(|change| change.0) {
         let at = row * width + joint;
         let message = format!(
@@ -76,6 +78,7 @@ pub fn gains(
         finding.span = Some(span);
         findings.push(finding);
     }
+    // If gains change, those of the first row hold up to the cut.
     let first = |values: &[f64]| values[..width].to_vec();
     let logged = Gains { kp: first(&columns.kp), kd: first(&columns.kd) };
     let usable = logged.kp.iter().chain(&logged.kd).all(|gain| gain.is_finite() && *gain >= 0.0);
@@ -91,6 +94,7 @@ pub fn gains(
             *gains = Some(logged);
             *place = Some("the columns kp_ and kd_".to_owned());
         }
+        // What someone has stated wins over the columns; a disagreement is told.
         Some(stated) => {
             let pairs = stated.kp.iter().zip(&logged.kp).chain(stated.kd.iter().zip(&logged.kd));
             if let Some((number, (stated, logged))) = pairs.enumerate().find(|(_, (a, b))| !same(**a, **b)) {
@@ -142,6 +146,7 @@ pub fn fold(
     if !(0..width).any(driven) {
         return Vec::new();
     }
+    // Without a position gain no target makes the torque.
     let without: Vec<usize> = (0..width).filter(|&joint| gains.kp[joint] <= 0.0 && driven(joint)).collect();
     if !without.is_empty() {
         let joint_names: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();

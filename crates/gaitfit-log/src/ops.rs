@@ -143,6 +143,7 @@ impl Trajectory {
             ("base.linear_velocity", base.linear_velocity.as_ref(), 3),
             ("base.angular_velocity", base.angular_velocity.as_ref(), 3),
         ];
+        // `checked_mul`: sizes come from a caller and may be anything.
         for (what, values, width) in arrays {
             if let Some(values) = values
                 && Some(values.len()) != samples.checked_mul(width)
@@ -244,6 +245,7 @@ impl Trajectory {
                 name: name.to_owned(),
                 available: names(self.joints.iter().map(String::as_str)),
             })?;
+            // Marks the column as taken and tells whether it was before.
             if std::mem::replace(&mut taken[column], true) {
                 return Err(LogError::Range {
                     what: "select_joints",
@@ -258,6 +260,7 @@ impl Trajectory {
         };
         let gains = self.gains.as_ref().map(|gains| Gains { kp: pick(&gains.kp), kd: pick(&gains.kd) });
         let joints: Vec<String> = columns.iter().map(|&column| self.joints[column].clone()).collect();
+        // Only the joints that remain may be named.
         let velocities = self.velocity_joints.iter().filter(|joint| joints.contains(joint));
         Ok(Trajectory {
             velocity_joints: velocities.cloned().collect(),

@@ -120,6 +120,7 @@ pub fn read_csv(path: &Path, options: &ReadOptions) -> Result<Trajectory, LogErr
 /// log's folder. Unknown columns are left out and reported.
 pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory, ReadReport), LogError> {
     let mut lines = Lines::open(path, options.max_bytes)?;
+    // Sources of settings in the order in which they win: the caller, the comments, files beside the log.
     let mut stated = Metadata::default();
     stated.add(
         Statements {
@@ -133,6 +134,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
     );
     let mut comments = Metadata::default();
     let mut report = ReadReport::default();
+    // Comments may stand before the header and between empty lines.
     let (header_line, names) = loop {
         let Some((line, text)) = lines.next()? else { return Err(LogError::Empty { path: path.to_owned() }) };
         if let Some(comment) = text.strip_prefix('#') {
@@ -146,6 +148,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
     let Rows { samples, hole, too_fast, too_far } = read_rows(path, &mut lines, &layout, options)?;
     report.imu_hole = hole;
 
+    // Files beside the log are read last: a log that cannot be read needs none.
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
     let assembled = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report);
@@ -155,6 +158,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         Err(error) => return Err(too_fast.or(too_far).unwrap_or(error)),
     };
     let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
+    // Rates in degrees have been converted by now; only those that are still too fast are refused.
     let too_fast = too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some()));
     match too_fast.or(too_far.filter(|_| !report.angles_in_degrees)) {
         Some(refused) => Err(refused),
@@ -250,6 +254,7 @@ fn read_rows(
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
     let mut holes: Vec<Option<Hole>> = plan.iter().map(|_| None).collect();
+    // The limit is one of numbers, so wide logs may have fewer rows.
     let columns = 1 + plan.iter().map(|channel| channel.columns.len()).sum::<usize>();
     let max_rows = options.max_values / columns;
     let mut count = 0;
@@ -257,6 +262,7 @@ fn read_rows(
         if text.trim().is_empty() {
             continue;
         }
+        // Rows are counted with those that are left out, so that every n-th of the file is taken.
         count += 1;
         if !(count - 1usize).is_multiple_of(options.every.max(1)) {
             continue;

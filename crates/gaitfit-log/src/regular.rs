@@ -37,6 +37,7 @@ impl Trajectory {
         let same = || Regular { trajectory: self.clone(), filled: Vec::new(), moved: false };
         let Some(spacing) = spacing(&self.time) else { return Ok(same()) };
         let step = spacing.step;
+        // Jitter alone is no reason to move measurements: stamps may jitter while the robot samples evenly.
         let real = spacing.jitter > EVEN * step && self.is_sampled_at_stamps(step);
         if spacing.lost.is_empty() && !real {
             return Ok(same());
@@ -55,11 +56,13 @@ impl Trajectory {
         // The number of each sample's row.
         let mut numbers = Vec::with_capacity(self.len());
         let (mut lost, mut number) = (spacing.lost.iter().peekable(), 0);
+        // Lost samples leave numbers out, so that later samples keep their true distance.
         for sample in 0..self.len() {
             numbers.push(number);
             number += 1 + lost.next_if(|lost| lost.after == sample).map_or(0, |lost| lost.samples);
         }
         let rows = numbers.last().map_or(0, |last| last + 1);
+        // A line through numbers and times: single stamps that jitter do not move the grid.
         let exact: Vec<f64> = numbers.iter().map(|number| *number as f64).collect();
         let start = line(&exact, &self.time).map_or(self.time[0], |(start, slope)| {
             // The line's middle, at the interval that is used.
@@ -73,6 +76,7 @@ impl Trajectory {
             while numbers.get(sample + 1).is_some_and(|next| *next <= row) {
                 sample += 1;
             }
+            // What a controller set stays in its row: `held` counts rows, `measured` times.
             held.push(sample);
             let is_filled = numbers[sample] != row;
             if is_filled {
@@ -80,6 +84,7 @@ impl Trajectory {
             }
             measured.push(if real {
                 self.place(start + row as f64 * step)
+            // A filled row lies between its neighbours, in proportion.
             } else if is_filled {
                 let gap = (numbers[sample + 1] - numbers[sample]) as f64;
                 (sample, (row - numbers[sample]) as f64 / gap)

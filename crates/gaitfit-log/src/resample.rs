@@ -63,12 +63,14 @@ impl Trajectory {
             }
         });
         let measured = measured.collect();
+        // Set values are held to the next sample, measured ones are blended.
         let held = time.iter().map(|&at| last(at + early)).collect();
         Ok(self.at(time, rate_hz, &Places { held, measured, curved: false }))
     }
 
     /// The samples at `places`.
     pub(crate) fn at(&self, time: Vec<f64>, rate_hz: f64, places: &Places) -> Trajectory {
+        // Commands and targets are steps in time; a blend of two of them was never sent.
         let hold = |values: &[f64], width: usize| -> Vec<f64> {
             places.held.iter().flat_map(|&at| values[at * width..(at + 1) * width].iter().copied()).collect()
         };
@@ -88,6 +90,7 @@ impl Trajectory {
         };
         let joints = self.joints.len();
         let mut position = blend(&self.position, joints);
+        // With velocities known at both ends, positions follow a cubic instead of a line.
         if places.curved {
             let rows = position.chunks_exact_mut(joints.max(1));
             for (row, &(at, fraction)) in rows.zip(&places.measured) {

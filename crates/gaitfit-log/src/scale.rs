@@ -121,6 +121,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
         let step = time[i] - time[i - 1];
         let regular = step > 0.0 && step <= GAP * typical;
         let part = 0.5 * step * (dq[i - 1] + dq[i]);
+        // Over a gap the integral is not known, so spans begin anew behind it.
         if !(regular && part.is_finite() && (q[i] - q[i - 1]).is_finite()) {
             unbroken = 0;
             integral[i] = 0.0;
@@ -135,6 +136,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
             integrals.push(integral[i] - integral[i - span]);
         }
     }
+    // A joint that hardly moves shows only noise.
     if changes.len() < ENOUGH || deviation(&changes) < MOVES {
         return None;
     }

@@ -114,8 +114,10 @@ impl Sensors {
     pub fn corrected(&self, log: &Trajectory) -> (Trajectory, Vec<String>) {
         let mut better = log.clone();
         let mut said = Vec::new();
+        // A lag that is no larger than its error is left alone.
         let lag = self.velocity_lag.filter(|lag| lag.matters(LAG_S));
         let late = log.known_lag() + lag.map_or(0.0, |lag| lag.value);
+        // A simulator's known lag is always taken out, the estimated one on top of it.
         if late != 0.0 {
             better.velocity = earlier(log, late);
             // Later corrections see velocities at their positions' times.
@@ -190,6 +192,7 @@ impl LagSums {
     pub(crate) fn add(&mut self, number: usize, log: &Trajectory, joints: &[usize]) {
         let width = log.joints.len();
         for sample in 1..log.len().saturating_sub(2) {
+            // Four samples in a row are needed: the interval itself and one on each side.
             if !whole(log, sample - 1, sample + 2) {
                 continue;
             }
@@ -199,6 +202,8 @@ impl LagSums {
                 let q = |k: usize| log.position[k * width + joint];
                 let dq = |k: usize| log.velocity[k * width + joint];
                 let change = dq(sample + 1) - dq(sample);
+                // What the mean of two velocities lacks of the position's change goes with the lag times their
+                // difference.
                 let missing = q(sample + 1)
                     - q(sample)
                     - step * (dq(sample) + dq(sample + 1)) / 2.0
@@ -243,6 +248,7 @@ pub fn gyro_bias(logs: &[&Trajectory]) -> Option<[Estimate; 3]> {
             let quaternion = |k: usize| quat_of(&quaternions[4 * k..]);
             let turned = turn_between(quaternion(sample), quaternion(sample + 1));
             for (k, ratio) in ratios.iter_mut().enumerate() {
+                // The gyro's mean over the interval, as the orientation turns over the same interval.
                 let gyro = (rates[3 * sample + k] + rates[3 * sample + 3 + k]) / 2.0;
                 ratio.add(number, log.time[sample] - log.time[0], step * gyro - turned[k], step);
             }

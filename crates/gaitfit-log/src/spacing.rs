@@ -66,6 +66,7 @@ pub fn spacing(time: &[f64]) -> Option<Spacing> {
     let mut gaps = lost.iter().map(|lost| lost.after).peekable();
     let (mut squares, mut count) = (0.0, 0usize);
     for (sample, pair) in time.windows(2).enumerate() {
+        // Intervals with lost samples are no jitter.
         if gaps.next_if_eq(&sample).is_some() {
             continue;
         }
@@ -92,6 +93,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
     let mut gaps: Vec<Lost> = Vec::new();
     for (sample, pair) in time.windows(2).enumerate() {
         let interval = (pair[1] - pair[0]) / step;
+        // The gap before was found to lie here already.
         if gaps.last().is_some_and(|lost| lost.after >= sample) {
             continue;
         }
@@ -124,6 +126,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         let ahead = if last > sample + 3 { sample + 2..last + 1 } else { sample + 1..last + 1 };
         let after = middle(ahead.map(|row| time[row] - (row - sample - 1) as f64 * step).collect());
         let (Some(before), Some(after)) = (before, after) else { continue };
+        // Bounds of the count by the interval itself and the largest jitter: 0.04 is room for rounding.
         let low = (interval - 1.0 - JITTER - 0.04).ceil().max(0.0);
         let high = (interval - 1.0 + JITTER).floor().max(low);
         let samples = ((after - before) / step - 1.0).round().clamp(low, high);

@@ -139,6 +139,7 @@ fn coarse(time: &[f64], is_new: impl Fn(usize) -> bool) -> Option<CoarseStamps> 
     if time.len() < ENOUGH {
         return None;
     }
+    // Rows with the time of the row before; whether they are new rows or copies decides what they mean.
     let equal: Vec<usize> = (1..time.len()).filter(|row| time[*row] == time[row - 1]).collect();
     let shared = equal.iter().filter(|row| is_new(**row)).count();
     let standing = shared as f64 > STANDING * time.len() as f64;
@@ -147,6 +148,7 @@ fn coarse(time: &[f64], is_new: impl Fn(usize) -> bool) -> Option<CoarseStamps> 
         return None;
     }
     let (tick_s, single_precision) = tick(time).unwrap_or((0.0, false));
+    // Many new rows under one stamp: the stamps stand still, whatever their tick.
     if standing {
         return Some(CoarseStamps { tick_s, single_precision, shared });
     }
@@ -181,6 +183,7 @@ fn is_single(time: f64) -> bool {
 
 /// The largest tick of which all stamps are multiples, and whether it is a power of two.
 fn tick(time: &[f64]) -> Option<(f64, bool)> {
+    // A time that never changes has no shortest interval to find a tick by.
     if time.iter().all(|at| *at == time[0]) {
         // The power of two that single precision keeps at this size.
         let tick = single_tick(time[0].abs());
@@ -222,6 +225,7 @@ fn even(time: &[f64], tick: f64, rate_hz: Option<f64>) -> Option<(Vec<f64>, f64)
     if step <= 0.0 || tick <= 0.0 || tick > 0.1 * step * time.len() as f64 {
         return None;
     }
+    // All stamps within a tick of the line means that rounding alone explains them.
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for (row, time) in time.iter().enumerate() {
         let off = time - (start + row as f64 * step);
@@ -239,6 +243,7 @@ fn even(time: &[f64], tick: f64, rate_hz: Option<f64>) -> Option<(Vec<f64>, f64)
         _ if near((1.0 / step).round()) => (1.0 / step).round(),
         _ => 1.0 / step,
     };
+    // Corrected about the middle, so that a rate that is slightly changed moves both ends alike.
     let middle = start + 0.5 * step * (time.len() - 1) as f64;
     let begin = middle - 0.5 * (time.len() - 1) as f64 / rate;
     Some((numbers.iter().map(|row| begin + row / rate).collect(), rate))
@@ -255,6 +260,8 @@ fn at_rate(time: &[f64], tick: f64, rate: f64) -> Result<(Vec<f64>, usize), Stri
     let mut off: Vec<f64> = Vec::with_capacity(time.len());
     for (row, at) in time.iter().enumerate() {
         let offset = at - (row + missing) as f64 * step;
+        // The earliest of the recent rows is nearest to its true time, because lost rows only make later ones
+        // late.
         let recent = &off[off.len().saturating_sub(WINDOW)..];
         let low = recent.iter().copied().fold(f64::INFINITY, f64::min);
         // A row that is later than a tick allows, by the earliest of its neighbours, follows lost rows.
@@ -272,6 +279,7 @@ fn at_rate(time: &[f64], tick: f64, rate: f64) -> Result<(Vec<f64>, usize), Stri
         }
         off.push(at - (row + missing) as f64 * step);
     }
+    // Too many rows for the time between the first and the last stamp: the rate is wrong, not the stamps.
     if rows > span * (1.0 + SAME_RATE) + 2.0 * wide {
         return Err(format!(
             "{} rows at {} Hz last {} s and the stamps {} s",

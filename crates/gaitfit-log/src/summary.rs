@@ -83,6 +83,7 @@ pub fn summary(log: &Trajectory) -> LogSummary {
 /// ([`Trajectory::validate`]), as every log that was read is; missing values are skipped.
 pub fn summary_with_report(log: &Trajectory, reading: ReadReport) -> LogSummary {
     let mut steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // The median: gaps and jitter do not move it.
     let typical = median(&mut steps).filter(|step| *step > 0.0);
     let deviations = typical.map(|typical| steps.iter().map(|step| step - typical).collect::<Vec<f64>>());
     let base = log.base.clone().unwrap_or_default();

@@ -85,6 +85,7 @@ pub fn recognise(
     rate_hz: Option<f64>,
     velocity_over_derivative: impl FnOnce() -> Option<f64>,
 ) -> Result<Option<ConvertedTime>, String> {
+    // A clock that stands still has no unit to recognise.
     let Some(step) = usual_step(time) else { return Ok(None) };
     let rate = |unit: TimeUnit| unit.per_second() / step;
     let within = |rate: f64, (low, high): (f64, f64)| (low..=high).contains(&rate);
@@ -94,6 +95,8 @@ pub fn recognise(
         Ok((unit != TimeUnit::Seconds).then_some(ConvertedTime { unit, because }))
     };
 
+    // Evidence in the order of its strength: a stated rate, a usual interval, the velocities, usual rates, Unix
+    // times.
     if let Some(stated) = rate_hz {
         let unit = TimeUnit::ALL.into_iter().filter(possible).find(|unit| near(rate(*unit) / stated));
         if let Some(unit) = unit {
@@ -104,6 +107,7 @@ pub fn recognise(
     if step < 1.0 / USUAL_HZ.0 * (1.0 + NEAR) {
         return Ok(None);
     }
+    // Computed only here, because it looks at all samples.
     let factor = velocity_over_derivative();
     if let Some(factor) = factor {
         let fits = |unit: &TimeUnit| near(factor / unit.per_second());
@@ -116,6 +120,7 @@ pub fn recognise(
         }
     }
     let apart = format!("its samples are {} apart", short(step));
+    // Steps of exactly 1 may be numbers of samples, so no unit is taken for them.
     let counts = step == 1.0;
     let usual = TimeUnit::ALL.into_iter().find(|unit| within(rate(*unit), USUAL_HZ));
     if let (Some(unit), false) = (usual, counts) {
@@ -141,6 +146,7 @@ pub fn recognise(
         }
         (false, false) => format!("{apart}. It may be in {}", readings.join(" or ")),
     };
+    // A count of samples has no unit, but velocities may show its rate.
     let velocities = factor
         .filter(|_| counts)
         .map_or(String::new(), |factor| format!(" The velocities fit {} samples a second.", short(factor)));

@@ -17,6 +17,7 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
     if trajectory.is_empty() {
         return Err(LogError::NoSamples { path: path.to_owned() });
     }
+    // Names with commas or line ends would change the columns.
     check_names(trajectory.robot.as_deref(), &trajectory.joints)?;
     let failed = |action: &'static str| {
         move |source| LogError::Io {
@@ -38,9 +39,11 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
+    // Beside the log, because a rename is atomic only within one file system.
     let mut file = builder.tempfile_in(folder).map_err(failed("create a temporary file beside it"))?;
     let mut out = BufWriter::new(file.as_file_mut());
     write_to(&mut out, trajectory).and_then(|()| out.flush()).map_err(failed("write the log"))?;
+    // The writer borrows the file, which is synced next.
     drop(out);
     file.as_file().sync_all().map_err(failed("write the log to the disk"))?;
     file.persist(path).map_err(|error| failed("put the written log in place")(error.error))?;

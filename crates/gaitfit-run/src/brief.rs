@@ -35,8 +35,10 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
         let length = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
         let (number, after) = digits.split_at(length);
         out.push_str(before);
+        // Numbers of usual length are read easily as they are.
         if length <= PLAIN_DIGITS {
             out.push_str(number);
+        // A fraction's digits were found behind `0.`, which is already written and is taken back.
         } else if let Some(small) =
             out.strip_suffix("0.").map(str::len).filter(|_| fraction(number).is_some())
         {
@@ -47,6 +49,7 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
         }
         rest = after;
     }
+    // Most texts have no digits, and are not copied.
     if out.is_empty() {
         return Cow::Borrowed(text);
     }

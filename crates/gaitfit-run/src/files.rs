@@ -29,6 +29,7 @@ pub fn check<'a>(outputs: &[Output<'_>], inputs: impl IntoIterator<Item = &'a Pa
     for output in outputs {
         output.check()?;
     }
+    // Links and relative paths to one file become equal, so that two names of it are noticed.
     let places: Vec<PathBuf> = outputs.iter().map(|output| place(output.path)).collect();
     for (number, (output, at)) in outputs.iter().zip(&places).enumerate() {
         if let Some(other) = places[..number].iter().position(|place| place == at) {
@@ -40,6 +41,7 @@ pub fn check<'a>(outputs: &[Output<'_>], inputs: impl IntoIterator<Item = &'a Pa
             )));
         }
     }
+    // An input that is replaced at the end would be lost.
     for input in inputs {
         let read = place(input);
         if let Some(number) = places.iter().position(|place| *place == read) {

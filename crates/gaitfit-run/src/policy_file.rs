@@ -62,6 +62,7 @@ pub fn find(path: &Path) -> Result<PolicyFile, Error> {
         return Ok(PolicyFile { path: path.to_owned(), note: None });
     }
     let file = |path: PathBuf| PolicyFile { path, note: None };
+    // The nearest place first: the folder of one seed, then that of a loop, then a training with several seeds.
     if path.join(POLICY).is_file() {
         return Ok(file(path.join(POLICY)));
     }
@@ -79,9 +80,11 @@ pub fn find(path: &Path) -> Result<PolicyFile, Error> {
         [] => Err(none(path)),
         [one] => Ok(file(at(one))),
         [first, ..] => {
+            // Velocity errors stand in the results of a finished training only.
             let known = results.map(|results| results.seeds).unwrap_or_default();
             let best = known
                 .iter()
+                // A seed whose folder was removed cannot be taken.
                 .filter(|one| seeds.contains(&one.seed) && one.linear_velocity_error.is_finite())
                 .min_by(|a, b| a.linear_velocity_error.total_cmp(&b.linear_velocity_error));
             let (seed, why) = match best {

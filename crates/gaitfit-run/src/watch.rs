@@ -131,6 +131,7 @@ impl<'a> Watch<'a> {
     ) -> Result<T, E> {
         let Amount { what, parts, total, pieces } = amount;
         let counting = self.begin(Work { what, total, first: 0, parts, seed: None });
+        // The count is apart from the report, so that threads do not wait for one another.
         let pieces_done = AtomicUsize::new(0);
         // When the last step was reported, and how many parts were done then.
         let reported = Mutex::new((Instant::now(), 0));
@@ -138,6 +139,7 @@ impl<'a> Watch<'a> {
             pieces_done.fetch_add(more, Ordering::Relaxed);
             // If it is locked, another thread is reporting: this one goes on.
             let Ok(mut reported) = reported.try_lock() else { return };
+            // Pieces and steps have different units: steps are what the user sees.
             let share = pieces_done.load(Ordering::Relaxed) as f64 / pieces.max(1) as f64;
             let done = (total as f64 * share.min(1.0)) as usize;
             if done > reported.1 && reported.0.elapsed() >= STEP_EVERY {
@@ -145,6 +147,7 @@ impl<'a> Watch<'a> {
                 *reported = (Instant::now(), done);
             }
         });
+        // The last step brings the count to its end, however seldom steps were reported.
         let before = reported.into_inner().map_or(0, |reported| reported.1);
         if result.is_ok() && before < total && !self.stop() {
             counting.step(total, total - before, "");

@@ -14,6 +14,7 @@ pub fn named(file: &Path, out: &Path) -> String {
 /// The file `named` in the configuration `config`: as seen from the current directory, or else from the
 /// configuration's own folder.
 pub fn find(named: &str, what: &str, config: &Path) -> Result<PathBuf, Error> {
+    // The current directory comes first, as for every path on a command line.
     let here = PathBuf::from(named);
     if here.exists() {
         return Ok(here);
@@ -22,6 +23,7 @@ pub fn find(named: &str, what: &str, config: &Path) -> Result<PathBuf, Error> {
     if beside.exists() {
         return Ok(beside);
     }
+    // The built-in robot has a name, but no file.
     if what == "robot" && crate::robot::is_built_in(&here) {
         return Err(Error::settings(format!(
             "{}: {what} `{named}`: the built-in Go2 is used where no robot is named; leave the name out",

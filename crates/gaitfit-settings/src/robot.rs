@@ -80,8 +80,10 @@ pub fn remarks(model: &Model) -> Vec<String> {
 pub fn parts(robot: &Path) -> Vec<PathBuf> {
     let home = robot.parent().unwrap_or(Path::new(""));
     let mut folders = vec![home.to_owned()];
+    // Included files may include others: each is opened once, and `paths` also keeps circles from going on.
     let (mut paths, mut open) = (Vec::<PathBuf>::new(), vec![robot.to_owned()]);
     while let Some(path) = open.pop() {
+        // A broken file is named by the reader of robots, not here.
         let Ok(text) = files::read_text(&path, files::MAX_BYTES) else { continue };
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
         let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
@@ -97,6 +99,7 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
             else {
                 continue;
             };
+            // Any of the folders may hold the part: which one depends on the file that names it.
             let places = folders.iter().map(|folder| folder.join(file)).filter(|path| path.is_file());
             for path in places.collect::<Vec<_>>() {
                 if !paths.contains(&path) {

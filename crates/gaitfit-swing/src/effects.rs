@@ -173,8 +173,10 @@ fn of_swings(
     steps: f64,
     law: usize,
 ) -> Vec<Effect> {
+    // Without enough equations, or with unknowns that they do not determine, no effect can be told apart.
     let Some(equations) = Equations::new(group, steps) else { return Vec::new() };
     let Some(base) = equations.base() else { return Vec::new() };
+    // `window.motor` lacks the target's part, which depends on the delay.
     let motor = |window: &Window| window.motor + window.driven_at(steps);
     let column =
         |of: &dyn Fn(&Window) -> f64| -> Vec<f64> { group.windows.iter().map(|window| of(window)).collect() };
@@ -188,6 +190,7 @@ fn of_swings(
     add(EffectKind::LoadFriction, name, &column(&|one| one.signs[law] * motor(one).abs()), 1.0);
     // More torque than asked for stands on the known side.
     add(EffectKind::Strength, name, &column(&motor), -1.0);
+    // A joint without siblings in its group cannot be odd.
     if joints.len() > 1 {
         let odd = |joint: usize| {
             let friction = column(&|one: &Window| if one.joint == joint { one.signs[law] } else { 0.0 });
@@ -304,6 +307,8 @@ impl<'a> Base<'a> {
 
     /// The unknown of `column` in the equations, and the part of what they leave that it explains.
     pub fn added(&self, column: &[f64]) -> Option<(Estimate, f64)> {
+        // The added-variable regression: what the known columns explain is taken out of the new one, and what is
+        // left of it is regressed on the residuals.
         let rest = self.without(column);
         let sum =
             |of: &dyn Fn(usize) -> f64| -> f64 { (0..rest.len()).map(|k| self.weights[k] * of(k)).sum() };
@@ -317,12 +322,14 @@ impl<'a> Base<'a> {
         let value = sum(&|k| rest[k] * self.left[k]) / square;
         // Errors within a block go together (Liang and Zeger 1986), so scores are summed by block before they are
         // squared.
+        // An ordered map: the sum below has the same bits in each run.
         let mut scores: BTreeMap<u64, f64> = BTreeMap::new();
         for k in 0..rest.len() {
             let left = self.left[k] - value * rest[k];
             *scores.entry(self.blocks[k]).or_default() += self.weights[k] * rest[k] * left;
         }
         let count = scores.len() as f64;
+        // The factor corrects for few blocks: the scores sum to 0, so one of them is not free.
         let variance =
             scores.values().map(|score| score * score).sum::<f64>() / square.powi(2) * count / (count - 1.0);
         let after = sum(&|k| (self.left[k] - value * rest[k]).powi(2));

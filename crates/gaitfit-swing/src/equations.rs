@@ -71,6 +71,7 @@ pub(crate) struct Delay {
 impl Delay {
     /// `steps`: from the shortest delay. `delays`: how many delays a window has.
     pub fn new(steps: f64, delays: usize) -> Self {
+        // `high` must exist. A delay beyond the table follows the line through the two delays at its end.
         let low = (steps.max(0.0) as usize).min(delays.saturating_sub(2));
         let high = (low + 1).min(delays.saturating_sub(1));
         Self { low, high, fraction: steps - low as f64 }

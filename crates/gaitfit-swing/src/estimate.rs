@@ -65,15 +65,19 @@ pub fn estimate_walks(
     let mut grounds: Vec<Ground> = Vec::new();
     let mut drag = vec![Drag::default(); model.joints.len()];
     let mut delay = FIRST_DELAY_S;
+    // Names the shortest swing that would have been enough.
     let none = || SwingError::NoSwings {
         logs: walks.len(),
         // A window and its margins on both sides must fit into a swing.
         least_ms: 1e3 * (settings.window_s + 2.0 * settings.margin_s),
     };
+    // Which feet stand depends on delay and drag, and these on the swings. So each pass uses the last one's
+    // numbers.
     for pass in 0..=PASSES {
         let next = |log: usize| Ground::new(model, &walks[log], delay, &drag, grounds.get(log));
         grounds = gaitfit_pool::map(walks.len(), settings.threads, next);
         let all = |length: f64| -> Vec<Window> {
+            // Logs do not depend on each other; `map` keeps their order, so results do not depend on the threads.
             let of_log =
                 |log: usize| windows(model, &walks[log], &grounds[log], settings, length, delay, log);
             gaitfit_pool::map(walks.len(), settings.threads, of_log).concat()
@@ -85,6 +89,8 @@ pub fn estimate_walks(
         let best = Choice::best(model, &seen, settings, around, last, &mut count);
         count.check()?;
         let best = best.ok_or_else(none)?;
+        // Shorter and longer windows are solved for the error only: a number that depends on the length is not
+        // sure.
         if last {
             let lengths: &[f64] = if settings.others { &LENGTHS } else { &[] };
             let other: Vec<_> = lengths.iter().map(|factor| all(factor * settings.window_s)).collect();
@@ -153,6 +159,8 @@ impl Choice {
         };
         // Without enough swings anywhere the lowest clearance is taken: it has the most.
         let mut best = choices.iter().rposition(enough).unwrap_or_default();
+        // A lower clearance must agree with all between it and the first one, or a slow drift from one to the
+        // next would pass.
         let highest = best;
         while best > 0 && (best..=highest).all(|high| choices[best - 1].fit.agrees(&choices[high].fit)) {
             best -= 1;
@@ -171,6 +179,8 @@ impl Choice {
     ) -> SwingReport {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
+        // Neighbouring choices of clearance, window and law: how far they move a number is an error that no
+        // scatter shows.
         let mut choices: Vec<(&[Window], usize, usize)> =
             // Below the first clearance this wraps to a huge number, which the filter removes.
             [self.clearance.wrapping_sub(1), self.clearance + 1]
@@ -197,6 +207,7 @@ impl Choice {
             .filter(|other| other.names.len() == groups.len())
             .map(|other| (other.estimates(model), other.delay_estimate(settings)))
             .collect();
+        // Choices with much larger errors scatter by chance, so they do not count.
         let widen = |known: &mut Estimate, others: &mut dyn Iterator<Item = Estimate>| {
             let sure: Vec<f64> = others
                 .filter(|other| other.error < AS_SURE * known.error)
@@ -221,6 +232,7 @@ impl Choice {
                 (&mut group.damping, stiffest * CLOCK_S),
                 (&mut group.armature, 0.0),
             ] {
+                // Floors of the errors: no estimate is surer than the model's numbers and the clock allow.
                 number.error = number.error.hypot(KNOWN * number.value).hypot(min);
             }
         }

@@ -86,7 +86,10 @@ impl Ground {
         let mut clearance = vec![f64::INFINITY; points * joints];
         let mut feet: Vec<Vec<Foot>> = Vec::with_capacity(points);
         for point in 0..points {
+            // The force at a foot follows from what the limb's joint torques leave beyond inertia and gravity, by
+            // the Jacobian's transpose.
             let foot = |(end, tip): (&End, &Tip)| {
+                // Joints without gains are left out: their torque is not known.
                 let left = |(&joint, &lever): (&usize, &Vec3)| {
                     let known = walk.gains[joint][0].is_finite();
                     known.then(|| (lever, needed.left(walk, &bump, joint, point, delay)))
@@ -94,6 +97,7 @@ impl Ground {
                 let force = force(end.chain.iter().zip(poses.levers(point, end)).filter_map(left));
                 Foot {
                     point: tip.point,
+                    // A foot stands if the base's velocity cancels its velocity relative to the base.
                     velocity: tip.velocity.map(|x| -x),
                     force: force.map(|f| f / mass),
                     load: force[2] / weight,
@@ -101,6 +105,7 @@ impl Ground {
                 }
             };
             let mut here: Vec<Foot> = ends.iter().zip(poses.tips_at(point)).map(foot).collect();
+            // Heights are relative: the lowest foot is taken to be on the ground.
             let ground = here.iter().map(|foot| foot.point[2]).fold(f64::INFINITY, f64::min);
             for (joint, moved) in moved.iter().enumerate() {
                 let place = point * joints + joint;
@@ -108,9 +113,12 @@ impl Ground {
                     clearance[place] = clearance[place].min(here[end].point[2] - ground);
                 }
             }
+            // First guess by load and height alone: velocities can be compared only when a base velocity is
+            // known.
             here.iter_mut().for_each(|foot| foot.stands = bears(foot.load) * low(foot.point[2] - ground));
             feet.push(here);
         }
+        // The momentum of the whole robot over its mass, with the base's origin at rest.
         let relative = &poses.com_velocity;
         let mut velocity = base_velocity(walk, &feet, relative);
         let mut stands = vec![0.0; points * joints];
@@ -127,12 +135,14 @@ impl Ground {
             }
             velocity = base_velocity(walk, &feet, relative);
         }
+        // What a joint moves stands if any of its ends does.
         for (point, feet) in feet.iter().enumerate() {
             for (joint, moved) in moved.iter().enumerate() {
                 let max = moved.iter().map(|&end| feet[end].stands).fold(0.0, f64::max);
                 stands[point * joints + joint] = max;
             }
         }
+        // With the base's velocity the momenta of swinging legs are right as well.
         let needed = Needed::new(model, walk, &velocity);
         Self { clearance, stands, velocity, feet, needed }
     }
@@ -191,12 +201,14 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
     let variance = FOOT_RATE * FOOT_RATE * (FOOT_S / step);
     // The error of the acceleration, as white noise of the same integral, makes the velocity a random walk.
     let drift = PUSH * PUSH * PUSH_S * step;
+    // Samples that lack are gaps: each stretch between them is smoothed alone.
     let mut begin = 0;
     while begin < points {
         if !walk.valid[begin] {
             begin += 1;
             continue;
         }
+        // A stretch is filtered forwards, then smoothed backwards.
         let end = (begin..points).find(|&point| !walk.valid[point]).unwrap_or(points);
         for axis in 0..3 {
             let gravity = if axis == 2 { GRAVITY } else { 0.0 };
@@ -214,6 +226,7 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
                 // and is left out.
                 for foot in feet[point].iter().filter(|foot| foot.stands > 1e-3) {
                     let gain = state.1 / (state.1 + variance / foot.stands);
+                    // The filter's state is the centre of mass, the foot's velocity is that of the base's origin.
                     let seen = foot.velocity[axis] + relative[point][axis];
                     state = (state.0 + gain * (seen - state.0), (1.0 - gain) * state.1);
                 }
@@ -229,6 +242,7 @@ fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3
             for (k, (value, variance)) in filtered.into_iter().enumerate() {
                 // Elsewhere the velocity stays NaN, and no window there counts.
                 if variance < KNOWN * KNOWN {
+                    // Back from the centre of mass to the base's origin.
                     velocity[begin + k][axis] = value - relative[begin + k][axis];
                 }
             }

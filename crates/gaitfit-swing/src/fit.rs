@@ -49,6 +49,7 @@ impl<'a> Alone<'a> {
             groups.iter().map(log_likelihood).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
         };
         let last = settings.delays().count() as f64 - 1.0;
+        // A known delay is only refined: its place in the table of delays is the start.
         let near = match around {
             Some(delay) => ((delay - settings.delay_range_s[0]) / settings.delay_step_s).clamp(0.0, last),
             None => {
@@ -116,9 +117,11 @@ impl Fit {
         let logs: BTreeSet<usize> =
             groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
         let log = |window: &Window| window.log as u64;
+        // Few logs give no usable scatter between logs, so only blocks of time count then.
         let kinds: &[&dyn Fn(&Window) -> u64] = if logs.len() >= LOGS { &[&block, &log] } else { &[&block] };
         let threads = settings.threads;
         let free = together(&groups, &solutions, delay, kinds, &[], threads)?;
+        // Each group has its own number of unknowns (three and an offset a joint), so places are sums.
         let mut first = vec![0];
         for group in &groups {
             first.push(first[first.len() - 1] + group.columns());
@@ -129,6 +132,7 @@ impl Fit {
             .flat_map(|first| *first..first + SHARED)
             .filter(|&place| settings.bounded && free.values[place] < 0.0)
             .collect();
+        // A second solution, with the negative unknowns held at 0, moves the others to where they belong.
         let held = if negative.is_empty() {
             None
         } else {
@@ -149,6 +153,8 @@ impl Fit {
             larger(bounded, place)
         };
         let variances: Vec<f64> = (0..free.values.len()).map(variance).collect();
+        // A variance that is not positive means that an unknown is not determined; then nothing of this fit can
+        // be used.
         if !variances.iter().all(|variance| *variance > 0.0) {
             return None;
         }
@@ -159,6 +165,7 @@ impl Fit {
         };
         let stiffest =
             |group: &Group<'_>| group.windows.iter().map(|window| window.stiffness).fold(0.0, f64::max);
+        // The bounded solution gives the values; the free one stays for comparison.
         let chosen = held.as_ref().unwrap_or(&free);
         Some(Self {
             counts: groups.iter().map(count).collect(),

@@ -127,6 +127,7 @@ impl Moment {
         variances: &[f64],
         shaking: &Vector3<f64>,
     ) -> Option<()> {
+        // The buffers are used again: a moment is filled thousands of times.
         self.unknowns.clear();
         self.residuals.clear();
         self.precisions.clear();
@@ -135,6 +136,7 @@ impl Moment {
         // acceleration. So only a 3 × 3 matrix is inverted. The bound stands for an axis without any shaking.
         self.across.fill(0.0);
         let mut precision = Matrix3::from_diagonal(&shaking.map(|variance| 1.0 / variance.max(1e-12)));
+        // Adds this row to Xᵀ D⁻¹ Λ and to the precision of the acceleration.
         for row in rows {
             let (residual, unknowns) = row.at(values, lag);
             let lever = Vector3::from(row.window.lever);
@@ -150,6 +152,7 @@ impl Moment {
             self.precisions.push(weight);
             self.levers.push(lever);
         }
+        // C of Woodbury's identity.
         self.spread = precision.try_inverse()?;
         self.across.mul_to(&self.spread, &mut self.projected);
         Some(())

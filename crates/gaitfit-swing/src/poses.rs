@@ -62,6 +62,7 @@ impl Poses {
             ends,
         };
         for point in 0..points {
+            // Only the turning of the base is measured. Its origin is at rest here; its velocity is added later.
             let base = BaseMotion {
                 angular_velocity: walk.rates[point],
                 ..BaseMotion::at_rest(walk.quaternion[point])
@@ -70,6 +71,7 @@ impl Poses {
             let (momenta, whole) = motion.momentum();
             poses.momenta.extend(momenta);
             poses.com_velocity.push(whole.map(|p| p / mass));
+            // The point of a limb's end that would touch first, and the Jacobian there.
             for end in &poses.ends {
                 let lowest = end
                     .geoms
@@ -112,6 +114,7 @@ fn ends(model: &Model, joints: usize) -> Vec<End> {
             list.push(pair.geom);
         }
     }
+    // A body counts as an end if it may touch and nothing below it may.
     let mut touches: Vec<bool> = geoms.iter().map(|geoms| !geoms.is_empty()).collect();
     // Parents come before their children, so one pass backwards reaches all ancestors.
     for body in (1..touches.len()).rev() {
@@ -119,6 +122,7 @@ fn ends(model: &Model, joints: usize) -> Vec<End> {
             touches[parent] |= touches[body];
         }
     }
+    // Of a limb whose shank and foot may touch, only the foot is an end.
     let last = |body: usize| {
         !(0..model.bodies.len()).any(|child| model.bodies[child].parent == Some(body) && touches[child])
     };

@@ -65,6 +65,8 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
     }
     let rows: Vec<Factors> = group.windows.iter().map(|window| group.row(window)).collect();
     let known: Vec<f64> = group.windows.iter().map(|window| window.torque(delay)).collect();
+    // Iteratively reweighted least squares: the first round has equal weights, each later one Huber's (Huber
+    // 1964).
     let mut weights = vec![1.0; count];
     let mut best = None;
     for _ in 0..ROUNDS {
@@ -76,6 +78,7 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
                 right[place] += weight * value * known;
             }
         }
+        // Cholesky fails if the equations do not determine an unknown.
         let values = normal.cholesky()?.solve(&right);
         let residuals: Vec<f64> =
             rows.iter().zip(&known).map(|(row, known)| known - product(row, &values)).collect();

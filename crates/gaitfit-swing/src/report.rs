@@ -198,6 +198,7 @@ fn group_name(name: &str) -> String {
     let parts: Vec<&str> = name.split('_').collect();
     let kept: Vec<&str> =
         parts.iter().copied().filter(|part| !SIDES.contains(&part.to_lowercase().as_str())).collect();
+    // A name that is nothing but a side would become empty.
     if kept.is_empty() { name.to_owned() } else { kept.join("_") }
 }
 

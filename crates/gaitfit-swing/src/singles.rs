@@ -63,6 +63,7 @@ impl<'a> Singles<'a> {
     pub fn add(&mut self, name: &'a str, joints: &[usize], group: &Group<'_>, steps: f64) {
         let Some(equations) = Equations::new(group, steps) else { return };
         let Some(base) = equations.base() else { return };
+        // The column of one joint: the others of its group get 0, so the effect belongs to this joint alone.
         let column = |joint: usize, of: &dyn Fn(&Window) -> f64| -> Vec<f64> {
             group.windows.iter().map(|one| if one.joint == joint { of(one) } else { 0.0 }).collect()
         };

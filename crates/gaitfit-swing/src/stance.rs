@@ -47,6 +47,8 @@ impl Pair {
 pub(crate) fn effects(scene: &Scene<'_>) -> Vec<Effect> {
     let Some(pairs) = Pairs::new(scene) else { return Vec::new() };
     let mut effects = Vec::new();
+    // First with the tilt alone: what is left of the heights is the unevenness of the ground, errors of encoders
+    // included.
     let tilts = pairs.rows(|pair| pair.tilt.to_vec());
     if let Some(base) = pairs.base(&tilts) {
         effects.push(Effect::new(EffectKind::UnevenGround, "", base.scatter(), 1.0));
@@ -174,6 +176,7 @@ impl Scene<'_> {
         let Self { model, groups, delay, drag, .. } = self;
         let (walk, ground) = (&self.walks[log], &self.grounds[log]);
         let mut pairs = Vec::new();
+        // Drag is taken off: what is left of the motor's torque is what the contact takes.
         let needed = ground.needed.with_drag(model, walk, drag);
         let bump = Bump::new(TORQUE_S, walk.step);
         for point in (0..walk.points()).step_by(every).filter(|&point| walk.valid[point]) {
@@ -193,6 +196,8 @@ impl Scene<'_> {
                 // Without gains a joint's torque is unknown. With 0 it has no part in twist and play.
                 .map(|torque| if torque.is_finite() { torque } else { 0.0 })
                 .collect();
+            // Every pair of standing feet is one equation: differences of heights do not depend on the base's
+            // height.
             for (k, one) in feet.iter().enumerate() {
                 for other in &feet[k + 1..] {
                     let between = sub(one.foot.point, other.foot.point);
@@ -208,6 +213,8 @@ impl Scene<'_> {
                         tilt: tilt_lever(turn, between),
                         zeros: (0..walk.joints).map(|joint| apart(&[joint], &|_| 1.0)).collect(),
                         twist: of_groups(&|joint| torque[joint]),
+                        // Play moves a joint to the side that its torque pushes to. A smooth step, because at
+                        // small torques the side is not sure.
                         play: of_groups(&|joint| (torque[joint] / SIDE_NM).tanh()),
                     };
                     pairs.extend(Some(pair).filter(Pair::is_finite));

@@ -109,6 +109,7 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
     for (number, walk) in walks.into_iter().enumerate() {
         let (walk, ground) = walk?;
         let feet = ground.feet.first().map_or(0, Vec::len);
+        // Two feet span no plane.
         if feet < MIN_FEET {
             return Ok(None);
         }
@@ -117,6 +118,8 @@ fn tilt(model: &Model, logs: &[&Trajectory], threads: usize) -> Result<Option<[E
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
             let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();
+            // All pairs: on a level floor two standing feet are equally high, and a tilt shows as lever times
+            // angle.
             for (k, one) in feet.iter().enumerate() {
                 for other in &feet[k + 1..] {
                     let between = sub(one.point, other.point);

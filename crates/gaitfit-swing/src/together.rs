@@ -110,6 +110,7 @@ impl Current {
         let mut seen = Moment::empty(columns);
         for rows in moments {
             self.fill(&mut seen, rows, &lag)?;
+            // The best estimate of the base's acceleration error at this moment, given all rows of it.
             let pull = seen.pull(&|row| seen.residuals[row]);
             let mean = seen.spread * pull;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
@@ -121,11 +122,13 @@ impl Current {
             let (across, projected) = (seen.across.as_slice(), seen.projected.as_slice());
             for (column, below) in normal.as_mut_slice().chunks_exact_mut(columns).enumerate() {
                 let [x, y, z] = [0, 1, 2].map(|axis| across[axis * columns + column]);
+                // Most unknowns have no row in a moment, so their columns are 0.
                 if (x, y, z) == (0.0, 0.0, 0.0) {
                     continue;
                 }
                 let [along_x, along_y, along_z] =
                     [0, 1, 2].map(|axis| &projected[axis * columns..][..columns]);
+                // The lower half alone: the matrix is symmetric.
                 for row in column..columns {
                     below[row] -= along_x[row] * x + along_y[row] * y + along_z[row] * z;
                 }
@@ -135,6 +138,7 @@ impl Current {
             // of it.
             shakes += mean.component_mul(&mean) + seen.spread.diagonal();
             for (row, residual) in rows.iter_mut().zip(&seen.residuals) {
+                // Residuals without the estimated acceleration show each group's own noise.
                 let lever = Vector3::from(row.window.lever);
                 let left = residual - lever.dot(&mean);
                 // The same for the residual that is left.
@@ -163,6 +167,7 @@ impl<'a> Equations<'a> {
         values[columns - 1] = delay;
         let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
         let mut first = 0;
+        // Each group's solution alone is the start; the joint rounds refine it.
         for (number, (group, solution)) in groups.iter().zip(solutions).enumerate() {
             values.rows_mut(first, group.columns()).copy_from(&solution.values);
             // Windows of all joints have common middles. In units of 0.1 ms these times are whole numbers, which a
@@ -178,6 +183,7 @@ impl<'a> Equations<'a> {
             }
             first += group.columns();
         }
+        // Held unknowns keep the value 0, whatever the group alone had.
         held.iter().for_each(|&place| values[place] = 0.0);
         let variances = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
         let moments: Vec<Vec<Row<'_>>> = moments.into_values().collect();
@@ -198,6 +204,8 @@ impl<'a> Equations<'a> {
         let seen = self.seen()?;
         let lag = self.current.lag();
         let groups = self.groups;
+        // Part 0 is the motor's torque, 1 the target's share of it, each further one a group's friction under
+        // load.
         let mut explained = self.explained(&seen, &bread, 2 + groups.len(), &|row, part| match part {
             0 => row.motor(&lag),
             1 => row.driven(&lag),
@@ -310,7 +318,9 @@ impl<'a> Equations<'a> {
         // By the motor's torque, and by its part that follows the targets.
         let mut sums: [BTreeMap<u64, [f64; 2]>; 2] = Default::default();
         for (rows, seen) in self.moments.iter().zip(seen) {
+            // All rows of a moment belong to one log and time, so the first one names the cluster.
             let [low, high] = sums.each_mut().map(|sums| sums.entry(cluster(rows[0].window)).or_default());
+            // For each instrument z: Σ z·residual over Σ z·torque.
             for (number, row) in rows.iter().enumerate() {
                 let unknowns = &seen.unknowns[number];
                 let unexplained = row.motor(&lag) - unknowns.dot(by_strength);
@@ -339,6 +349,7 @@ impl<'a> Equations<'a> {
         let columns = self.current.values.len();
         let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
         for (rows, seen) in self.moments.iter().zip(seen) {
+            // All rows of a moment belong to one log and time, so the first one names the cluster.
             let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
             seen.score(&|row| seen.residuals[row], score);
         }

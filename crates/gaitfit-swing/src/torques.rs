@@ -74,14 +74,17 @@ pub(crate) fn driven(walk: &Walk, bump: &Bump, joint: usize, middle: f64, delay:
     let delay = delay + walk.lead;
     let times = &walk.sample_times;
     let at = |time: f64| area((time + delay - middle) / half);
+    // The sample whose target acts when the bump begins.
     let first = times.partition_point(|time| *time <= middle - half - delay).saturating_sub(1);
     // The target is a staircase: each of its steps counts with the area of the bump above it.
     let mut sum = 0.0;
     let mut before = 0.0;
     for sample in first..times.len() {
+        // The last target is held beyond the log's end.
         let after = times.get(sample + 1).map_or(1.0, |next| at(*next));
         sum += (after - before) * walk.targets[sample * walk.joints + joint];
         before = after;
+        // The rest of the staircase lies behind the bump.
         if after >= 1.0 {
             break;
         }
@@ -102,6 +105,7 @@ impl Needed {
     /// For a base that moves at `velocity`, m/s, world axes, and joints without drag.
     pub fn new(model: &Model, walk: &Walk, velocity: &[Vec3]) -> Self {
         let joints = walk.joints;
+        // Points in gaps or without a known base velocity stay NaN, so that no window uses them.
         let nothing = vec![f64::NAN; walk.points() * joints];
         let mut needed = Self { momentum: nothing.clone(), rest: nothing };
         for point in 0..walk.points() {
@@ -136,6 +140,7 @@ impl Needed {
     /// Motor torque that the PD law gives, less what inertia and gravity need, N·m, averaged around `centre`: what
     /// friction, armature and contact take. NaN where a bump meets a gap or a joint has no gains.
     pub fn left(&self, walk: &Walk, bump: &Bump, joint: usize, centre: usize, delay: f64) -> f64 {
+        // A bump that does not lie inside the log has no whole weight.
         let Some(first) = centre.checked_sub(bump.half) else { return f64::NAN };
         if centre + bump.half >= walk.points() {
             return f64::NAN;

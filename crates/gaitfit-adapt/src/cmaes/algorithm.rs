@@ -88,6 +88,7 @@ impl Cma {
     fn sample(&self, candidate: u32, z: &mut [f64], normals: &dyn NormalSource) -> Vec<f64> {
         let Settings { deviation, lower, upper, .. } = &self.settings;
         let n = deviation.len();
+        // The distribution lives in scaled coordinates, so bounds are scaled too.
         let bound = |bounds: &[f64], i: usize| bounds[i] / deviation[i];
         let mut attempt = 0;
         loop {
@@ -96,6 +97,7 @@ impl Cma {
                 *value = mean + self.state.sigma * *value;
             }
             let inside = (0..n).all(|i| point[i] >= bound(lower, i) && point[i] <= bound(upper, i));
+            // Mirroring happens on the way to the problem's units, so a draw outside the bounds is kept here.
             if inside || self.settings.bound_handling == BoundHandling::Reflect {
                 return point;
             }
@@ -205,6 +207,7 @@ impl Cma {
         for (path, value) in state.p_c.iter_mut().zip(&y_w) {
             *path = (1.0 - cc) * *path + gain * value; // eq. 45
         }
+        // Negative weights are scaled by the length of their step, so that C stays positive definite.
         let scaled_weights: Vec<f64> = weights
             .iter()
             .zip(&steps)
@@ -215,10 +218,12 @@ impl Cma {
                 weight * n as f64 / (squared_norm(&state.covariance.inverse_root_times(step)) + EPS) // eq. 46
             })
             .collect();
+        // Makes up for the variance that a stalled path does not add (eq. 47).
         let delta = (1.0 - h_sigma) * cc * (2.0 - cc);
         let keep = 1.0 + c1 * delta - c1 - cmu * weights.iter().sum::<f64>();
         // eq. 47
         state.covariance.update(keep, *c1, &state.p_c, *cmu, &scaled_weights, &steps);
+        // Decomposing takes O(n³), so it is done only in some generations; in between the axes are slightly old.
         let due = state.generation.is_multiple_of(*decompose_every);
         let decomposed = !due || state.covariance.decompose();
         let finite = |vector: &[f64]| vector.iter().all(|value| value.abs() < MEAN_MAX);

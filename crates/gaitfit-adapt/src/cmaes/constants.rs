@@ -57,6 +57,7 @@ impl Constants {
         // The margin of 1e-8 keeps 1 − c1 − cμ positive for large populations.
         let cmu = (1.0 - c1 - 1e-8)
             .min(ALPHA_COV * (mu_eff - 2.0 + 1.0 / mu_eff) / ((n + 2.0).powi(2) + ALPHA_COV * mu_eff / 2.0));
+        // The smallest of three bounds on the sum of the negative weights. The last keeps C positive definite.
         let min_alpha = (1.0 + c1 / cmu) // eq. 50
             .min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0)) // eq. 51
             .min((1.0 - c1 - cmu) / (n * cmu)); // eq. 52
@@ -92,6 +93,7 @@ impl Constants {
         let sum: f64 = raw.iter().sum();
         let mu_eff = effective(&raw);
         let mut weights: Vec<f64> = raw.iter().map(|weight| weight / sum).collect();
+        // Ranks behind the parents count nothing, but keep the weights as many as the candidates.
         weights.resize(population, 0.0);
         let c1 = ALPHA_COV / ((n + 1.3).powi(2) + mu_eff);
         let cmu_full = 2.0 / mu_eff / (n + std::f64::consts::SQRT_2).powi(2)

@@ -192,6 +192,7 @@ fn decompose(c: &mut [f64], b: &mut [f64], d: &mut [f64]) -> bool {
             b[row * n + column] = eigen.eigenvectors[(row, source)];
         }
     }
+    // C is computed again from the repaired eigenvalues, so that it and its root belong together.
     for i in 0..n {
         for j in 0..=i {
             let value: f64 = (0..n).map(|k| b[i * n + k] * (d[k] * d[k]) * b[j * n + k]).sum();

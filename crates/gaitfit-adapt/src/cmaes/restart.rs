@@ -106,6 +106,7 @@ impl Search {
         if ended > u64::from(plan.runs) {
             return Err(CmaError::State(format!("it has {ended} finished runs of {}", plan.runs)));
         }
+        // A state read from a file is checked in full: a damaged one would give other results without an error.
         let n = settings.start.len();
         for (number, run) in (0_u32..).zip(&finished) {
             let bests = run.best.as_ref().map(|best| best.x.len());

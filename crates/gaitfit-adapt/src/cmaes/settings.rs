@@ -114,6 +114,7 @@ impl Settings {
             if !(lower <= start && start <= upper) {
                 return Err(CmaError::StartOutsideBounds { index, start, lower, upper });
             }
+            // Beyond this the update counts as a numerical failure, so such a start could never move.
             if (start / deviation).abs() >= MEAN_MAX {
                 let requirement = "below 1e32 deviations in magnitude";
                 return Err(CmaError::Coordinate { what: "start", index, value: start, requirement });

@@ -85,6 +85,7 @@ impl State {
         if !self.covariance.is_valid(n) {
             return fail(format!("its covariance is not a decomposed {n} × {n} matrix"));
         }
+        // A ring of another length belongs to another population or number of coordinates.
         if self.history.len() != history || self.history.iter().flatten().any(|cost| !cost.is_finite()) {
             return fail(format!("its cost history does not hold {history} generations"));
         }

@@ -69,6 +69,7 @@ pub(crate) fn history_length(n: usize, population: usize) -> usize {
 pub(crate) fn reason(settings: &Settings, state: &State) -> Option<StopReason> {
     let tolerances = &settings.tolerances;
     let best = state.best.as_ref().map(|best| best.cost);
+    // A reached target comes before all others: the search needs no further runs then.
     if tolerances.target_cost.zip(best).is_some_and(|(target, cost)| cost <= target) {
         return Some(StopReason::TargetCost);
     }
@@ -89,6 +90,7 @@ pub(crate) fn reason(settings: &Settings, state: &State) -> Option<StopReason> {
     let (mean, sigma) = (&state.mean, state.sigma);
     let diagonal = state.covariance.diagonal();
     let tolx = tolerances.tolx * settings.sigma;
+    // As the package `cmaes` does: C_ii instead of its root, and p_c with its sign.
     if diagonal.iter().chain(&state.p_c).all(|value| sigma * value < tolx) {
         return Some(StopReason::TolX);
     }
@@ -98,6 +100,7 @@ pub(crate) fn reason(settings: &Settings, state: &State) -> Option<StopReason> {
     if sigma * longest > tolerances.tolxup {
         return Some(StopReason::TolXUp);
     }
+    // Floating-point numbers absorb so small a step, so no draw would differ from the mean.
     if mean.iter().zip(&diagonal).any(|(m, variance)| *m == m + 0.2 * sigma * variance.sqrt()) {
         return Some(StopReason::NoEffectCoordinate);
     }

@@ -47,6 +47,7 @@ impl<'a> AlignedSums<'a> {
         let count = self.recordings.len();
         let slot =
             self.recordings.get_mut(recording).ok_or(CostError::UnknownRecording { recording, count })?;
+        // Adding a recording twice would count it twice without an error.
         if slot.is_some() {
             return Err(CostError::Repeated(recording));
         }
@@ -56,6 +57,8 @@ impl<'a> AlignedSums<'a> {
             let width = signal.width(reference.joints().len());
             let measured = reference.recording(signal, recording).unwrap_or_default();
             let counted = reference.checked(signal, recording, &simulated)?;
+            // Time-aligned costs need a partner for each recorded sample, either a simulated one or one lost to a
+            // fall.
             if counted.matrix.len() + counted.lost * width != measured.len() {
                 return Err(CostError::Shape {
                     signal,
@@ -137,6 +140,7 @@ fn absolute(
                 dimension.scale.map(|scale| scale * ((sum + lost / scale) / counted as f64))
             })
             .collect();
+        // Dimensions without a scale are left out, so the mean is over those that count.
         let count = per_joint.iter().flatten().count();
         let value = per_joint.iter().flatten().sum::<f64>() / count as f64;
         GroupCost { signal, weight: weights.get(signal), value, per_joint }

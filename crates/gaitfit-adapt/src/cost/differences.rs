@@ -57,6 +57,7 @@ impl<'a> Differences<'a> {
         let reference = self.reference;
         let width = self.width();
         let rows = reference.samples(recording) - reference.skip();
+        // Rows are samples, columns the compared dimensions of all signals; every candidate gets the same layout.
         let mut differences = vec![0.0f32; rows * width];
         let mut column = 0;
         for signal in self.weights.signals() {
@@ -79,6 +80,7 @@ impl<'a> Differences<'a> {
                 let factor = weight * scale;
                 for (row, numbers) in differences.chunks_exact_mut(width).enumerate() {
                     let at = row * joints + dimension;
+                    // A fall ends the simulated signal early: missing samples get the fixed difference.
                     numbers[column] = match counted.matrix.get(at) {
                         Some(&number) => (factor * of(f64::from(number), measured[at])) as f32,
                         None => (weight * lost) as f32,

@@ -54,12 +54,14 @@ pub(super) fn distances(
     [lost, kept]: [usize; 2],
     mut distance: impl FnMut(Signal, usize) -> f64,
 ) -> Breakdown {
+    // Only losses beyond the real robot's count: a simulated robot that falls as often as the real one is right.
     let share = (lost as f64 / (lost + kept) as f64 - reference.lost_by_robot()).max(0.0);
     let mut number = |signal: Signal, column: usize, scale: f64| {
         if kept == 0 {
             return LOST;
         }
         let distance = scale * distance(signal, column);
+        // The branch keeps the bits of a cost without falls.
         if share == 0.0 { distance } else { (1.0 - share) * distance + share * LOST }
     };
     let groups = weights.signals().map(|signal| {
@@ -98,6 +100,7 @@ pub(super) fn squares(
             .collect();
         let count = per_joint.iter().flatten().count();
         let joints = per_joint.iter().flatten();
+        // The root of the mean square over joints as well, so that the cost is the norm of all differences.
         let value = (joints.map(|rms| rms * rms).sum::<f64>() / count as f64).sqrt();
         GroupCost { signal, weight: weights.get(signal), value, per_joint }
     });

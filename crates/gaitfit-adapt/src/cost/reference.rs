@@ -43,6 +43,7 @@ impl Recorded {
         joints: &[String],
         recording: usize,
     ) -> Result<Self, CostError> {
+        // Columns are matched by name: a log may list the joints in another order than the model.
         let columns: Vec<usize> = joints
             .iter()
             .map(|joint| {
@@ -299,6 +300,7 @@ impl Reference {
             .get(signal)
             .ok_or_else(|| CostError::MissingSignal { signal, side: "the simulation".into() })?;
         let width = signal.width(self.joints.len());
+        // A wrong number of values would shift every later row.
         if !matrix.len().is_multiple_of(width) {
             return Err(CostError::Shape {
                 signal,
@@ -308,6 +310,7 @@ impl Reference {
             });
         }
         let rows = matrix.len() / width;
+        // A candidate that falls counts only up to its fall; the rows behind it are reported as lost.
         let end = signals.fell_at.map_or(rows, |fall| fall.min(rows));
         let start = self.skip.min(rows);
         let counted = &matrix[start * width..end.max(start) * width];
@@ -359,6 +362,7 @@ impl ReferenceSignal {
         let width = signal.width(joints.len());
         let mut matrices = Vec::with_capacity(recordings.len());
         for (number, recorded) in recordings.iter().enumerate() {
+            // A signal counts only if every recording has it.
             let Some(matrix) = recorded.get(signal) else { return Ok(None) };
             let (rows, partial) = (matrix.len() / width, matrix.len() % width);
             if partial > 0 || rows * joints.len() != recorded.position.len() {
@@ -386,6 +390,7 @@ impl ReferenceSignal {
                     "recording {number} has {rows} samples and the first {skip} are skipped"
                 )));
             }
+            // The pre-roll is cut off once here, and never compared.
             matrices.push(matrix[skip * width..].to_vec());
         }
         let dimensions = (0..width).map(|column| Dimension::new(&matrices, column, width)).collect();

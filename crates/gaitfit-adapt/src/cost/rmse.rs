@@ -30,6 +30,7 @@ pub fn position_rmse(
         .ok_or(CostError::UnknownRecording { recording, count: reference.recordings() })?;
     let counted = reference.checked(Signal::Position, recording, &Signals::of_joints(simulated, &[]))?.matrix;
     let width = reference.joints().len();
+    // Nothing says here where a robot fell, so every sample needs its partner.
     if counted.len() != measured.len() {
         return Err(CostError::Shape {
             signal: Signal::Position,
@@ -40,6 +41,7 @@ pub fn position_rmse(
     }
     let samples = (measured.len() / width) as f64;
     let mut sums = squared_differences(counted, measured, width);
+    // NaN marks the joint in the report and keeps it out of the total.
     for (sum, dimension) in sums.iter_mut().zip(reference.dimensions(Signal::Position).unwrap_or_default()) {
         if dimension.is_left_out() {
             *sum = f64::NAN;

@@ -36,6 +36,7 @@ pub(crate) fn sort_keys(keys: &mut Vec<u32>, scratch: &mut Vec<u32>) {
         keys.sort_unstable();
         return;
     }
+    // All three histograms in one pass over the keys.
     let mut counts = [[0_u32; BUCKETS]; 3];
     for key in keys.iter() {
         for (pass, count) in counts.iter_mut().enumerate() {
@@ -48,6 +49,7 @@ pub(crate) fn sort_keys(keys: &mut Vec<u32>, scratch: &mut Vec<u32>) {
         if count[digit(keys[0], pass)] as usize == keys.len() {
             continue;
         }
+        // Counts become the places at which each digit's keys begin.
         let mut start = 0;
         for slot in count.iter_mut() {
             (*slot, start) = (start, start + *slot);
@@ -57,6 +59,7 @@ pub(crate) fn sort_keys(keys: &mut Vec<u32>, scratch: &mut Vec<u32>) {
             scratch[*slot as usize] = *key;
             *slot += 1;
         }
+        // Each pass is stable, so the order of the lower digits survives.
         std::mem::swap(keys, scratch);
     }
 }
@@ -123,6 +126,7 @@ fn merge(n: usize, a: impl Fn(usize) -> f64, b: &[f64]) -> f64 {
     // t runs over 0..n·m; a's step i ends at (i + 1)·m and b's step j at (j + 1)·n.
     let (n_wide, m_wide) = (n as u64, b.len() as u64);
     let (mut i, mut j, mut t, mut sum) = (0, 0, 0_u64, 0.0);
+    // Both quantile functions are staircases. Between two ends of steps their distance is constant.
     let (mut end_a, mut end_b) = (m_wide, n_wide);
     while i < n && j < b.len() {
         let end = end_a.min(end_b);

@@ -25,6 +25,7 @@ pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     let shift = delay / dt;
     let mut position = Vec::with_capacity(target.len());
     for sample in 0..samples {
+        // The clamp holds the first target before the log, and the last one behind it.
         let at = (sample as f64 - shift).clamp(0.0, (samples - 1) as f64);
         let (before, part) = (at as usize, at.fract());
         let after = (before + 1).min(samples - 1);
@@ -35,6 +36,7 @@ pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     }
     let mut velocity = Vec::with_capacity(target.len());
     for sample in 0..samples {
+        // At both ends the difference is one-sided.
         let (before, after) = (sample.saturating_sub(1), (sample + 1).min(samples - 1));
         let span = ((after - before).max(1) as f64 * dt) as f32;
         for joint in 0..joints {

@@ -43,11 +43,14 @@ pub fn compare(
         first.parameters.iter().zip(&second.parameters).collect();
     let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {
         let spreads = a.spread.into_iter().chain(b.spread).map(|spread| 2.0 * spread);
+        // Without any spread or interval there is no verdict.
         let room = spreads.chain(a.half()).chain(b.half()).reduce(f64::max)?;
         Some((a.value - b.value).abs() <= room)
     };
     let verdicts: Vec<Option<bool>> = pairs.iter().map(verdict).collect();
+    // Only parameters that disagree are simulated again.
     let apart: Vec<usize> = (0..pairs.len()).filter(|&index| verdicts[index] == Some(false)).collect();
+    // Each candidate moves one parameter, so a rise of the cost belongs to it alone.
     let swapped = |outcome: &CostOutcome, other: &CostOutcome| -> Vec<Vec<f64>> {
         let swap = |&index: &usize| {
             let mut values = outcome.values();
@@ -63,6 +66,7 @@ pub fn compare(
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {
             let rise = |costs: &[Option<f64>], best: f64| {
+                // A diverged candidate has no rise; the reason then says so.
                 costs.get(at).copied().flatten().map(|cost| cost / best - 1.0)
             };
             reason(
@@ -109,6 +113,7 @@ fn reason(
         said(second_rise)
     );
     let blind = |rise: Option<f64>| rise.is_some_and(|rise| rise.abs() < UNSEEN);
+    // A cost that hardly changes does not see the parameter; the blame is on the blind one.
     let why = match (blind(first_rise), blind(second_rise)) {
         (true, true) => "neither cost determines it on these logs".to_owned(),
         (true, false) => format!("{} hardly sees it on these logs", first.cost),

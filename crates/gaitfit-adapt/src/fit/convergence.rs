@@ -41,6 +41,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
     let ended = best.and_then(|run| run.stop);
+    // The search came to its end by its own criterion, so its course needs no further look.
     if matches!(ended, Some(Stop::Tolerance | Stop::Patience | Stop::Converged)) {
         reasons.extend(elsewhere(outcome));
         return reasons;
@@ -55,6 +56,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let settled = reasons.len();
     let few = outcome.parameters.len().min(MAX_SCANNED) * GENERATIONS_PER_ENTRY;
     let least = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
+    // Least squares needs few steps whatever the number of entries.
     let min = if outcome.uncertainty.is_none() { least.max(few) } else { least };
     if generations < min && !course.is_empty() {
         let plural = if generations == 1 { "" } else { "s" };
@@ -91,6 +93,7 @@ fn elsewhere(outcome: &CostOutcome) -> Option<String> {
     };
     let agrees = |run: &usize| !outcome.parameters.iter().any(|one| far(one, one.per_run[*run]));
     let agreeing = (0..outcome.runs.len()).filter(agrees).count();
+    // Most seeds agree with the best one: the lowest point is then likely the right one.
     if 2 * agreeing > outcome.runs.len() {
         return None;
     }

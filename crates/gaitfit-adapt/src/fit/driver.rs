@@ -265,6 +265,7 @@ impl<'a> Fit<'a> {
         if active.is_empty() {
             return Ok(None);
         }
+        // Least squares steps on copies, so a cancelled batch below leaves every run as it was.
         let stepped = self.least_squares_steps(&active, cancel)?;
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
@@ -279,6 +280,7 @@ impl<'a> Fit<'a> {
                 draw: self.options.random_numbers.draw(seed, generation, candidate),
             }));
         }
+        // The candidates of all runs are one batch, so that the simulator's threads stay busy to the end.
         let results = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let recordings = self.simulator.recordings();
         let generation = self.generation + 1;
@@ -327,6 +329,7 @@ impl<'a> Fit<'a> {
                 .iter_mut()
                 .zip(together)
                 .filter_map(|(run, &number)| {
+                    // Derivatives are differences of simulations, so all simulations of a run share one draw.
                     let draw = RandomNumbers::Run.draw(run.seed, 0, 0);
                     let problem = Problem { simulator, theta, cost: cost(number), draw, cancel };
                     Some((run.least_squares()?, problem))

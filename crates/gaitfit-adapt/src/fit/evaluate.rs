@@ -55,6 +55,7 @@ pub fn evaluate(
         return Err(FitError::Incomplete);
     }
     for (evaluation, job) in evaluations.iter_mut().zip(jobs) {
+        // The samples that a fall loses are in the cost already; the charge is for the fall itself.
         let charge = falls.charge(costs[job.cost].as_ref(), evaluation.falls, recordings);
         let charged = evaluation
             .cost
@@ -80,6 +81,7 @@ pub fn accumulate<S: Simulator + ?Sized>(
         let accumulator = costs[job.cost].begin();
         Mutex::new(Pending { accumulator, missing: recordings, falls: 0, cost: None })
     };
+    // One lock a candidate: its recordings may end on different threads.
     let pending: Vec<Mutex<Pending>> = jobs.iter().map(begin).collect();
     let rollout =
         |job: &Job| Rollout { values: job.values.clone(), resets: costs[job.cost].resets(), draw: job.draw };
@@ -87,6 +89,7 @@ pub fn accumulate<S: Simulator + ?Sized>(
     // The thread that brings a candidate's last recording also finishes its cost: sorting runs in parallel.
     let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
+        // A panic on another thread must not hide behind a second one here.
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         pending.falls += usize::from(signals.fell_at.is_some());
         // An error has already ended this candidate's comparison; its falls still count.
@@ -109,6 +112,8 @@ pub fn accumulate<S: Simulator + ?Sized>(
         let pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         let cost = match pending.cost {
             Some(Ok(cost)) => cost.is_finite().then_some(cost),
+            // A candidate that cannot be compared (a diverged one, say) is ranked last; any other error is the
+            // caller's.
             Some(Err(error)) if error.is_candidate_failure() => None,
             Some(Err(error)) => return Err(FitError::Cost(error)),
             None => return Err(FitError::Incomplete),

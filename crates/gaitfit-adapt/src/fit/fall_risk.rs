@@ -67,6 +67,7 @@ impl FallRisk {
         if entries == 0 || candidates.iter().any(|values| values.len() != entries) {
             return vec![0.0; candidates.len()];
         }
+        // Entries have very different units; scaled ones make one prior for all slopes possible.
         let scaling = self.scaling(entries);
         let scaled = |values: &[f64]| {
             let entries = values.iter().zip(&scaling).map(|(value, (mean, scale))| (value - mean) * scale);
@@ -107,6 +108,7 @@ impl FallRisk {
             let loss = logits.iter().enumerate().map(|(row, logit)| softplus(*logit) - fell(row) * logit);
             loss.sum::<f64>() + penalty(slopes)
         };
+        // Newton's method; the loss is convex, and halved steps keep it falling.
         let mut slopes = DVector::zeros(rows.ncols());
         let mut value = objective(&slopes);
         for _ in 0..STEPS {
@@ -121,6 +123,7 @@ impl FallRisk {
             let mut curvature = weighted.tr_mul(&weighted);
             // The intercept has no prior. If all candidates fell, its curvature would come near 0.
             curvature[(0, 0)] += ENOUGH;
+            // The Gaussian prior of the slopes, in gradient and curvature.
             for entry in 1..rows.ncols() {
                 gradient[entry] += slopes[entry] / SLOPE_VARIANCE;
                 curvature[(entry, entry)] += SLOPE_VARIANCE.recip();
@@ -133,6 +136,7 @@ impl FallRisk {
                 let cost = objective(&tried);
                 (cost < value).then_some((tried, cost))
             });
+            // No shorter step lowers the loss: rounding has been reached.
             let Some((tried, cost)) = shorter.next() else { break };
             let fallen = value - cost;
             (slopes, value) = (tried, cost);

@@ -45,6 +45,7 @@ impl CostOutcome {
         best: impl DoubleEndedIterator<Item = &'a [f64]>,
     ) -> Result<(), FitError> {
         let entries = comparison.theta.entries();
+        // Means of a mirrored distribution may lie outside the bounds.
         let clamped = |mean: &Vec<f64>| -> Vec<f64> {
             let pairs = mean.iter().zip(entries);
             pairs.map(|(value, entry)| value.clamp(entry.lower, entry.upper)).collect()
@@ -74,6 +75,7 @@ impl CostOutcome {
         // Mean cost with the charge for falls, mean cost without it, and number of falls.
         let mean = |of_finalist: &[super::Evaluation]| -> Option<(f64, f64, usize)> {
             let count = of_finalist.len() as f64;
+            // One diverged draw makes a finalist unusable.
             let costs: Option<Vec<f64>> = of_finalist.iter().map(|evaluation| evaluation.cost).collect();
             let cost = costs?.iter().sum::<f64>() / count;
             let charges = of_finalist.iter().map(|one| falls.charge(charged, one.falls, recordings));

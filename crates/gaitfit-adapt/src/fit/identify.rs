@@ -70,6 +70,7 @@ pub fn identify(
         )));
     }
     let recordings = simulator.recordings();
+    // A view is all recordings but one group, for the jackknife; the first has all.
     let views = Views::new(cost, recordings, simulator.logs());
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
@@ -98,6 +99,7 @@ pub fn identify(
         (rises[0], jackknife(&rises[1..]).max(fixed).max(floor))
     };
 
+    // All points of all entries are one list, so that few large batches simulate them.
     let points: Vec<Point> =
         theta.entries().iter().enumerate().flat_map(|(at, entry)| scan(at, entry, values[at])).collect();
     let mut rises: Vec<Rise> = Vec::with_capacity(points.len());
@@ -162,6 +164,7 @@ fn steadiest(
     cancel: &Cancel<'_>,
 ) -> Result<u64, FitError> {
     let falls = |draws: &[u64]| -> Result<Vec<usize>, FitError> {
+        // Falls are reported from several threads, hence atomic counters.
         let counts: Vec<AtomicUsize> = draws.iter().map(|_| AtomicUsize::new(0)).collect();
         let rollouts: Vec<Rollout> = draws.iter().map(|&draw| rollout(draw)).collect();
         let consume = |candidate: usize, _: usize, signals: Signals<'_>| {
@@ -172,6 +175,7 @@ fn steadiest(
         simulator.simulate(theta, &rollouts, &consume, cancel)?;
         Ok(counts.into_iter().map(AtomicUsize::into_inner).collect())
     };
+    // Most robots do not fall; then one simulation is enough.
     if falls(&[first])? == [0] {
         return Ok(first);
     }

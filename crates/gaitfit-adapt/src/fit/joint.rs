@@ -60,6 +60,7 @@ pub(super) fn joint(
     if free.is_empty() || free.len() > MAX_FREE {
         return Ok(());
     }
+    // Central differences: moves of one give slopes and the diagonal, moves of two the rest of the curvature.
     let ones = moves_of_one(&free);
     let twos = moves_of_two(&free);
     let candidates: Vec<Vec<f64>> =
@@ -70,6 +71,7 @@ pub(super) fn joint(
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
     let here = slope(single, 0);
 
+    // Where the minimum would lie without each group of recordings: one Newton step from the values.
     let mut without = vec![Vec::new(); free.len()];
     for view in 1..views.count() {
         let step = -(&inverse * (slope(single, view) - &here));
@@ -100,6 +102,7 @@ pub(super) fn joint(
             identifications[free.entry].widen(&theta.entries()[free.entry], values[free.entry], half);
         }
     }
+    // Straight intervals miss bent valleys, so the cost itself is followed along each flat direction.
     flat.iter().try_for_each(|direction| reach(around, &free, direction, identifications))
 }
 

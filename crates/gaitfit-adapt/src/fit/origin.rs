@@ -73,6 +73,7 @@ impl Origin {
             let compared = cost.compared();
             Against {
                 cost: cost.name().to_owned(),
+                // Fingerprints instead of the signals keep a checkpoint small.
                 recordings: compared.map(|one| one.reference.fingerprint()),
                 fall_rate: compared.map(|one| one.reference.fall_rate()),
                 skip: compared.map_or(0, |one| one.reference.skip()),
@@ -94,6 +95,7 @@ impl Origin {
     /// may be asked for.
     pub(super) fn difference(&self, saved: &Self) -> Option<String> {
         let list = |names: Vec<&str>| shown(&names.join(", "));
+        // Only the first difference is named. Joints come first: the order of all signals depends on them.
         let texts = |names: &[String]| list(names.iter().map(String::as_str).collect());
         if saved.joints != self.joints {
             let (before, now) = (texts(&saved.joints), texts(&self.joints));
@@ -132,6 +134,7 @@ impl Origin {
                     "the first {before} samples of its logs did not count, and now the first {now}"
                 ));
             }
+            // The rate alone may differ because an earlier build counted falls otherwise, so it is named apart.
             if before.recordings != now.recordings && before.fall_rate != now.fall_rate {
                 let rate = |rate: Option<f64>| {
                     rate.map_or_else(|| "unknown".to_owned(), |rate| format!("{} %", significant(100.0 * rate, 3)))
@@ -154,6 +157,7 @@ impl Origin {
     }
 
     fn other_options(&self, saved: &Self) -> Option<String> {
+        // No `..`: a new option must be thought about here. Limits may change between start and resumption.
         let FitOptions {
             method,
             population,
@@ -168,6 +172,7 @@ impl Origin {
             random_numbers,
         } = &self.options;
         let before = &saved.options;
+        // Compared as the text that the message shows.
         let all = [
             ("seeds", format!("{:?}", before.seeds), format!("{seeds:?}")),
             ("population", before.population.to_string(), population.to_string()),

@@ -121,6 +121,7 @@ const AS_WELL_BY: f64 = 0.003;
 impl CostOutcome {
     /// Puts the runs of one cost together; `None` without a run that has a finite cost.
     pub fn new(cost: String, theta: &Theta, runs: Vec<RunOutcome>) -> Option<Self> {
+        // The values are those of one run, never a mean: parameters that compensate each other go together.
         let best = runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost))?;
         let parameters = theta
             .entries()
@@ -274,6 +275,7 @@ impl CostOutcome {
         let rollout = Rollout { values, resets: problem.cost.resets(), draw: problem.draw };
         let (costs, _) =
             problem.simulator.views(problem.theta, &views, &[rollout], &|| (), problem.cancel)?;
+        // Without a cost the corrected robot cannot be compared with the search's.
         let Some(&cost) = costs.first().and_then(Option::as_ref).and_then(|costs| costs.first()) else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };

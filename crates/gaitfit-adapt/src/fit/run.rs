@@ -58,6 +58,7 @@ impl Run {
         options: &FitOptions,
     ) -> Result<Self, FitError> {
         let by = if least_squares {
+            // The first seed starts at θ's own start, the others elsewhere.
             By::LeastSquares(GaussNewton::new(theta, seed, options.seeds.first() == Some(&seed)))
         } else {
             let search = Search::new(settings(seed, theta, options), plan(options));
@@ -122,6 +123,7 @@ impl Run {
         // A step that diverged was not counted.
         let diverged = || FitError::StepDiverged { cost: name.to_owned(), seed, generation: generation + 1 };
         let stepped = stepped.ok_or_else(diverged)?;
+        // A step without a best candidate cannot have succeeded.
         let best = self.best().cloned().ok_or_else(diverged)?;
         self.diverged += stepped.diverged;
         self.falls += stepped.falls;
@@ -164,6 +166,7 @@ impl Run {
         let population = asked.take().unwrap_or_else(|| search.ask());
         let mut costs: Vec<f64> =
             evaluations.iter().map(|evaluation| evaluation.cost.unwrap_or(f64::INFINITY)).collect();
+        // The price is learnt from this generation too, so that lucky candidates pay for it at once.
         if let Some(price) = risk_price {
             self.risk.remember(population.x(), evaluations);
             let risks = self.risk.expected_falls(population.x(), recordings);
@@ -171,10 +174,12 @@ impl Run {
         }
         let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
         let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
+        // After the charge for risk: infinite costs stay the diverged ones.
         let diverged = evaluations.len() - finite.len();
         let falls = evaluations.iter().map(|evaluation| evaluation.falls).sum();
         self.diverged += diverged;
         self.falls += falls;
+        // The search has been told already, but without any cost nothing was learnt.
         if finite.is_empty() {
             return Err(all_diverged());
         }
@@ -302,6 +307,7 @@ impl Run {
                 let stop = search.stop();
                 (By::LeastSquares(search), stop)
             }
+            // A file of the other kind of search, or of another θ.
             _ => return Err(broken("its search is another one".into())),
         };
         Ok(Self {

@@ -27,6 +27,7 @@ pub(super) fn reach(
     identifications: &mut [Identification],
 ) -> Result<(), FitError> {
     let entries = around.theta.entries();
+    // Both ways: a valley need not be as long on both sides.
     for sign in [-1.0, 1.0] {
         let along: Vec<f64> = free.iter().zip(direction).map(|(one, part)| sign * part * one.size).collect();
         let room = |(one, by): (&Free, &f64)| {
@@ -34,6 +35,7 @@ pub(super) fn reach(
             let bound = if *by < 0.0 { entry.lower } else { entry.upper };
             if *by == 0.0 { f64::INFINITY } else { (bound - value) / by }
         };
+        // The first bound that any of the parameters reaches ends the line.
         let last = free.iter().zip(&along).map(room).fold(f64::INFINITY, f64::min);
         if !(last.is_finite() && last > 0.0) {
             continue;
@@ -57,6 +59,7 @@ pub(super) fn reach(
             .zip(&costs)
             .map(|(step, costs)| (*step, costs.as_ref().map(|costs| (around.rise)(costs))))
             .collect();
+        // One number for all: along the valley the parameters move together.
         let far = end(&rises).0;
         for (one, by) in free.iter().zip(&along) {
             identifications[one.entry].reach(&entries[one.entry], around.values[one.entry] + far * by);

@@ -86,7 +86,9 @@ pub fn measure<S: Simulator + ?Sized>(
     let pending: Vec<Mutex<Pending>> = rollouts.iter().map(begin).collect();
     let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
+        // A panic on another thread must not hide behind a second one here.
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        // A simulator may bring a recording only once.
         let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
         let predicted = Predicted::from_signals(&signals);
         let bytes = predicted.bytes();
@@ -94,6 +96,7 @@ pub fn measure<S: Simulator + ?Sized>(
         pending.bytes += bytes;
         pending.missing -= 1;
         if pending.missing == 0 {
+            // Taken out, so that the signals are freed as soon as their costs are known.
             let signals = std::mem::take(&mut pending.signals);
             pending.costs = Some(views.totals(&signals));
             notify();
@@ -107,6 +110,7 @@ pub fn measure<S: Simulator + ?Sized>(
         if number == 0 {
             bytes = pending.bytes;
         }
+        // A diverged rollout has no costs; any other error is the caller's.
         costs.push(match pending.costs {
             Some(Ok(costs)) => costs.iter().all(|cost| cost.is_finite()).then_some(costs),
             Some(Err(error)) if error.is_candidate_failure() => None,

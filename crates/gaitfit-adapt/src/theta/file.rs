@@ -51,6 +51,7 @@ impl ThetaFile {
     /// no robot has.
     pub fn value_doubts(&self) -> Vec<String> {
         let has = |kind: &str| self.parameter.iter().any(|parameter| parameter.kind == kind);
+        // These act only in a pair: one without the other changes nothing in the simulation.
         let alone = [("stall_torque", "no_load_speed"), ("stribeck_velocity", "stiction")]
             .into_iter()
             .filter(|(kind, with)| has(kind) && !has(with))
@@ -131,6 +132,7 @@ impl ThetaFile {
     /// As [`Self::candidate`].
     pub fn apply(&self, model: &Model, mut candidate: Candidate) -> Result<Candidate, ThetaFileError> {
         let context = ReadContext { model, fitted: &self.robot };
+        // The same joint may be named twice only by different kinds.
         let mut seen = HashSet::new();
         let named: Vec<SavedParameter> =
             self.parameter.iter().map(|one| context.named(one)).collect::<Result<_, _>>()?;
@@ -140,6 +142,7 @@ impl ThetaFile {
                     return Err(ThetaFileError::Twice { name: parameter.name.clone(), joint: joint.clone() });
                 }
             }
+            // Each reader knows its kinds; the first that does reads the parameter.
             let applied = READERS.iter().find_map(|read| read(parameter, &context, &mut candidate));
             applied.unwrap_or_else(|| {
                 Err(ThetaFileError::Kind { name: parameter.name.clone(), kind: parameter.kind.clone() })

@@ -92,6 +92,7 @@ impl ParameterRule {
             let number = |value: Option<f64>| {
                 value.map(|value| if scales { joint_kind.like(unit, value) } else { value })
             };
+            // Names replace the patterns, because a pattern may cover both kinds.
             Self {
                 joints: joints.iter().map(|joint| joint.name.clone()).collect(),
                 joint_kind,

@@ -245,6 +245,7 @@ impl Theta {
     /// Refuses equal names, and two modifications that set the same thing of the same joint.
     fn check(&self) -> Result<(), ThetaError> {
         let mut names: HashMap<&str, ()> = HashMap::new();
+        // Owner and first entry of each pair of kind and joint; "" stands for the whole robot.
         let mut set: HashMap<(&str, &str), (usize, &str)> = HashMap::new();
         for (number, (_, part)) in self.parts().enumerate() {
             for entry in &self.entries[part] {
@@ -252,6 +253,7 @@ impl Theta {
                 let whole = entry.joints.is_empty().then_some("");
                 for joint in joints.chain(whole) {
                     let (other, first) = *set.entry((entry.kind, joint)).or_insert((number, &entry.name));
+                    // Entries of one modification may share a joint: a network has many weights for one.
                     if other != number && first != entry.name {
                         return Err(ThetaError::Overlap {
                             first: first.to_owned(),

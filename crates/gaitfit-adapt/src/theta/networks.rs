@@ -159,7 +159,9 @@ impl NetworkRule {
         if rest.len() != joints.len() || rest.iter().any(|angle| !angle.is_finite()) {
             return Err(ThetaError::Rest { kind, count: rest.len(), joints: joints.len() });
         }
+        // Each share is one network: its joints have the same weights.
         let shares = self.per.shares(kind, &self.joints, groups, joints)?;
+        // Only the weights that the start leaves open are searched; the others are fixed.
         let searched = self.start.searched();
         let units = self.start.units(self.output_scale, self.kind == NetworkName::ResidAct);
         let mut entries = Vec::with_capacity(shares.len() * searched.len());
@@ -179,9 +181,11 @@ impl NetworkRule {
                 });
             }
             let angle =
+                // Rest angles go with the joint's name, because shares list joints in their own order.
                 |name: &String| joints.iter().position(|joint| joint == name).map_or(0.0, |at| rest[at]);
             networks.push(share.joints.into_iter().map(|joint| (joint.clone(), angle(joint))).collect());
         }
+        // All entries have the same bounds, so checking one is enough.
         if let Some(entry) = entries.first() {
             entry.check(f64::NEG_INFINITY, MAX_VALUE)?;
         }

@@ -72,6 +72,7 @@ impl Theta {
     /// [`ThetaError::Prior`] of an entry that θ does not have, and of numbers that are not finite or a deviation that is
     /// not positive.
     pub fn with_priors(mut self, priors: &BTreeMap<String, Prior>, weight: f64) -> Result<Self, ThetaError> {
+        // Priors are kept in the order of the entries, so that a cost needs no look-up by name.
         let mut of_entries = vec![None; self.entries.len()];
         for (name, prior) in priors {
             let refused = |why: &str| ThetaError::Prior { name: name.clone(), why: why.to_owned() };
@@ -93,6 +94,7 @@ impl Theta {
             entry.deviation = prior.deviation.clamp(STEPS[0] * range, STEPS[1] * range).min(entry.deviation);
             of_entries[at] = Some(*prior);
         }
+        // The links to strength and load are found once here; they are asked for in each evaluation.
         self.strengths = (0..self.entries.len()).map(|at| self.strength(at)).collect();
         self.loads = (0..self.entries.len()).map(|at| self.load(at)).collect();
         self.priors = of_entries;

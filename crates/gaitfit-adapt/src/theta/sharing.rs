@@ -56,6 +56,7 @@ impl Sharing {
                 .collect()),
             Self::Group => {
                 let mut shares: Vec<Share<'a>> = Vec::new();
+                // Patterns are compiled once, not for each joint.
                 let compiled: Vec<(&str, Vec<Pattern>)> = groups
                     .iter()
                     .map(|(name, patterns)| Ok((name.as_str(), compile(patterns).map_err(wrong)?)))
@@ -66,10 +67,12 @@ impl Sharing {
                         .filter(|(_, patterns)| patterns.iter().any(|pattern| pattern.covers(joint)))
                         .map(|(name, _)| *name)
                         .collect();
+                    // A joint in no group or in two would get no value, or two.
                     let [group] = groups[..] else {
                         let found = if groups.is_empty() { "none".to_owned() } else { groups.join(" and ") };
                         return Err(ThetaError::Group { kind, joint: joint.clone(), found });
                     };
+                    // Groups keep the order of the robot's joints.
                     match shares.iter_mut().find(|share| share.name == group) {
                         Some(share) => share.joints.push(joint),
                         None => shares.push(Share { name: group.to_owned(), joints: vec![joint] }),

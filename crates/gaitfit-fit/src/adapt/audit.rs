@@ -89,16 +89,19 @@ impl Series {
         let (position, velocity) = (column(Signal::Position)?, column(Signal::Velocity)?);
         let target = column(Signal::Target).or_else(|| column(Signal::Action))?;
         let command = log.trajectory.command.as_deref().unwrap_or_default();
+        // Behind a fall nothing is predicted.
         let end =
             velocity.len().min(walk.velocity.len() / joints.max(1)).min(walk.fell_at.unwrap_or(usize::MAX));
         let mut series = Self { errors: Vec::new(), motions: Vec::new() };
         // The change of a target needs two samples before.
+        // Motions are those of the sample before: the error must not be explained by itself.
         for at in skip.max(2)..end {
             let (last, before) = (at - 1, at - 2);
             let part = |part: usize| command.get(3 * last + part).copied().unwrap_or(0.0);
             series.errors.push(f64::from(walk.velocity[at * joints + joint]) - velocity[at]);
             series.motions.push([
                 velocity[last],
+                // A smooth sign: near rest the measured direction is noise.
                 (velocity[last] / SLOW).tanh(),
                 velocity[last] - velocity[before],
                 // The torque of a position controller but for its gains.
@@ -109,6 +112,7 @@ impl Series {
                 part(2),
             ]);
         }
+        // One broken number would make all correlations of the joint unknown.
         let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
         let whole = finite(&series.errors) && series.motions.iter().all(|motion| finite(motion));
         whole.then_some(series)
@@ -138,6 +142,7 @@ impl Joint {
         if variance <= 0.0 {
             return None;
         }
+        // Pairs of neighbours within one log; logs are not continued by one another.
         let pairs = series.iter().flat_map(|one| one.errors.windows(2));
         let memory =
             pairs.map(|pair| (limited(&pair[0]) - mean) * (limited(&pair[1]) - mean)).sum::<f64>() / variance;
@@ -153,9 +158,11 @@ impl Joint {
                 (length > 1e-9 * (count as f64).sqrt()).then(|| column / length)
             })
             .collect();
+        // Of length 1 like the columns, so that a scalar product is a correlation.
         let wanted = DVector::from_vec(errors).add_scalar(-mean) / variance.sqrt();
         let correlations =
             std::array::from_fn(|motion| columns[motion].as_ref().map_or(0.0, |column| column.dot(&wanted)));
+        // All motions together, because they are correlated with one another.
         let kept: Vec<&DVector<f64>> = columns.iter().flatten().collect();
         let explained = explained(&kept, &wanted);
         Some(Self { memory, explained, correlations })

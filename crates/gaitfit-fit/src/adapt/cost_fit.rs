@@ -43,6 +43,7 @@ pub(super) fn fit(
 ) -> Result<CostFit, Error> {
     let config = &setup.config;
     let values = outcome.values();
+    // The robot before the fit is the same simulator with an empty θ.
     let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
     let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
@@ -51,6 +52,8 @@ pub(super) fn fit(
     doubts.extend(left.as_ref().and_then(Leftover::doubt));
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
     let wider = audit.as_ref().map_or(1.0, widening);
+    // Widening comes before priors are combined in: a prior must not be weighed against an interval that is too
+    // narrow.
     let parameter = |at: usize, prior: Option<Prior>| {
         let estimate = &outcome.parameters[at];
         let mut parameter = Parameter {

@@ -14,6 +14,7 @@ pub fn doubts(
     course: &[RunGeneration],
 ) -> Vec<Doubt> {
     let mut doubts = Vec::new();
+    // As good as before the fit counts as no better.
     if let Some(nominal) = nominal_cost.filter(|nominal| *nominal <= outcome.best_cost) {
         let falls = if nominal_falls > 0 { " (some of its robots fall)" } else { "" };
         let text = format!(
@@ -24,6 +25,7 @@ pub fn doubts(
         doubts.push(Doubt::new(DoubtKind::WorseThanNominal, text));
     }
     let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+    // The course is that of the best run alone: other seeds' falling costs do not matter.
     let seed = best.map(|run| run.seed);
     let course: Vec<f64> = course
         .iter()
@@ -74,6 +76,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
             fit.falls
         ));
     }
+    // Draws that the search did not use show whether the robot only seemed to walk by luck.
     if let Some(redrawn) = fit.redrawn.filter(|redrawn| redrawn.falls > 0) {
         warnings.push(format!(
             "{prefix}the fitted robot falls in {} of {} walks that were simulated again with other draws",
@@ -120,6 +123,7 @@ pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
 fn moves(fit: &CostFit) -> String {
     let far = |parameter: &&Parameter| {
         let estimate = &parameter.found;
+        // Small numbers near 0 change by large parts, so the bound is on the range too.
         let before = estimate.uncorrected.unwrap_or(estimate.value);
         let min = (LITTLE.0 * before.abs()).max(LITTLE.1 * (estimate.upper - estimate.lower));
         (estimate.value - before).abs() > min
@@ -137,6 +141,7 @@ fn moves(fit: &CostFit) -> String {
         .collect();
     let mut by = far[..far.len().min(NAMED)].join(", ");
     if far.is_empty() {
+        // The sentence must have an object even if nothing moved.
         by = "none by more than a hundredth".to_owned();
     } else if far.len() > NAMED {
         by.push_str(&format!(" and {} more (result.json has all)", far.len() - NAMED));

@@ -35,6 +35,7 @@ impl Robot {
     /// Reads robot, policy (unless it is `given`) and what is known.
     pub fn read(config: &AdaptConfig, config_path: &Path, given: Option<&Policy>) -> Result<Self, Error> {
         let mut files = Vec::new();
+        // A clamped robot's base does not move, whatever its file says.
         let hold = match config.base {
             Base::Fixed => Hold::Clamped,
             Base::Free => Hold::File,
@@ -53,6 +54,7 @@ impl Robot {
             Some(chosen) => model.touching_itself(chosen).map_err(Error::settings)?.0,
             None => model,
         };
+        // Every file goes into the list of inputs, which a resumed run compares.
         let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
             let mut path = paths::find(named, what, config_path)?;
             if what == "policy" {
@@ -61,6 +63,7 @@ impl Robot {
             files.push(path.clone());
             Ok(path)
         };
+        // A policy in memory replaces its file, which then is not read.
         let policy = match &config.policy {
             Some(_) if given.is_some() => given.cloned(),
             Some(named) => Some(policy::read(&read(named, "policy")?).map_err(Error::failed)?),
@@ -138,6 +141,7 @@ impl Logs {
             (validate, doubts) = (validation.sets, validation.doubts);
             falling = falling.and(validation.falling);
         }
+        // A log in both sets would validate itself.
         for log in validate.iter().flatten() {
             if fit.iter().any(|fitted| fitted.path == log.path) {
                 warnings

@@ -27,6 +27,7 @@ pub fn priors(
     measured: &[SwingNumber],
     given: &BTreeMap<String, Prior>,
 ) -> BTreeMap<String, Prior> {
+    // What the user states wins over what is measured.
     let mut priors = given.clone();
     // A joint that moves in the air has less friction than its motor has torque. A weakly driven one, such as a humanoid's
     // ankle with a small gain, may seem to have tens of times more; then its swings do not show its other numbers either.

@@ -92,6 +92,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             setup.take(odd)?;
         }
         let setup = &*setup;
+        // The scope lets the thread borrow `setup`; it ends before the results are returned.
         std::thread::scope(|scope| {
             // While a GPU searches, processors are free for it.
             let early = (setup.devices.are_gpus() && setup.swings.is_none())
@@ -99,6 +100,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
             let metrics = search::metrics(folder)?;
             let swings = || match early {
+                // A panic of that thread is passed on, as if it had happened here.
                 Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
                 None => swing::findings(&setup.method, &setup.fit.logs),
             };
@@ -110,6 +112,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
             Ok::<_, Error>(results)
         })
     })?;
+    // A result that was read from the folder did not pass through the closure above.
     if let Some(odd) = &results.odd_joints {
         setup.take(odd)?;
     }

@@ -69,6 +69,7 @@ pub(super) fn find(
     inputs: &Inputs,
     watch: &Watch<'_>,
 ) -> Result<OddJoints, Error> {
+    // A file of other inputs, or a damaged one, is ignored and written anew.
     if let Some(text) = folder.read(FILE)?
         && let Ok(saved) = serde_json::from_str::<Saved>(&text)
         && inputs.difference(&saved.inputs).is_none()
@@ -112,10 +113,12 @@ fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, F
         let best = fit.best_costs().first().copied().flatten().unwrap_or(f64::NAN);
         counting.step(fit.generation(), generation.evaluations, &format!("{} {best:.5}", costs[0].name()));
     }
+    // The line of progress must end before the next one begins.
     drop(counting);
     let outcome = fit.outcomes().into_iter().next();
     let mut outcome =
         outcome.ok_or_else(|| FitError::Scan("no step of the comparison of joints ended".into()))?;
+    // Other simulators show how far a stiffness is an error of this one.
     let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(|other| other.alternative()).collect();
     let (cost, draw) = (costs[0].as_ref(), outcome.draw());
     outcome.trust(Problem { simulator, theta, cost, draw, cancel: &stop }, &others)?;
@@ -130,6 +133,7 @@ fn compare(setup: &Setup, theta: &Theta, outcome: &CostOutcome) -> OddJoints {
             entry.kind == gaitfit_adapt::JointParameter::Stiffness.name() && entry.joints == [joint]
         });
         let known = outcome.uncertainty.as_ref().zip(place);
+        // A spring without a known error is never odd.
         known.map_or(f64::INFINITY, |(uncertainty, place)| uncertainty.deviation[place])
     };
     let groups = groups(setup);

@@ -24,6 +24,7 @@ const MAX_COMMANDS: usize = 5000;
 
 /// The page of a finished fit; `course`: the generations of its runs.
 pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<String, Error> {
+    // Logs that were not fitted show more; without any the fitted ones are shown.
     let shown = setup.validate.first().unwrap_or(&setup.fit);
     let (nominal, fitted) = predicted(setup, results, shown.simulator.as_ref())?;
     let robot = match setup.config.robot.as_str() {
@@ -52,6 +53,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
             .map(|fit| comparison(&results.cost_name, fit))
             .collect(),
         traces: if setup.aligned() {
+            // Without aligned samples two curves over time would only show different phases.
             signals::traces(shown, setup.method.model(), &fitted, &nominal)
         } else {
             Vec::new()

@@ -251,7 +251,9 @@ pub(super) fn results(
     let Searched { outcomes, course, odd_joints, seconds: wall_seconds } = searched;
     let begun = Instant::now();
     let (mut fits, uncorrected) = cost_fits(setup, outcomes, course, folder, watch)?;
+    // Doubts of one cost about another come only when all are known.
     standing::reconcile(&mut fits);
+    // A clone, because `fits` is kept whole in the results.
     let Some(first) = fits.first().cloned() else {
         return Err(Error::failed(
             "no candidate of the fit could be simulated to the end: narrow the bounds, lower the deviations or take \
@@ -262,6 +264,7 @@ pub(super) fn results(
     let given = setup.config.costs[0].given();
     let what = "check of the result";
     let checks_done = watch.begin(Work { what, total: CHECKS, first: 0, parts: "checks", seed: None });
+    // Each check simulates for a while, so stopping is asked for between them.
     let checked = |done: usize| {
         checks_done.step(done, 1, "");
         let stopped = "interrupted while the result was checked; --resume continues";
@@ -287,12 +290,14 @@ pub(super) fn results(
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(swings);
     checked(CHECKS)?;
+    // Effects that the fit can express already are no causes of what it leaves.
     let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
     causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base));
     doubts.extend(
         explain::missing(&causes, &setup.theta, &setup.base)
             .map(|text| Doubt::new(DoubtKind::Unexplained, text)),
     );
+    // A stable sort: within one kind the order above stays.
     doubts.sort_by_key(|doubt| doubt.kind);
     let beside_swings = swings
         .as_ref()
@@ -355,6 +360,7 @@ fn cost_fits(
     let mut finished: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
     let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
+        // Costs that have no finished run have no outcome, so positions cannot be taken from the order.
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
         let (mut outcome, warning) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
         if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
@@ -370,12 +376,14 @@ fn cost_fits(
             false => error,
         })?;
         let mut fit = fit(setup, cost, &outcome, course, left)?;
+        // Comparing evaluates one candidate a parameter, and pages show no more than these.
         if let Some(first) = finished.first().filter(|_| setup.theta.len() <= MAX_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
         }
         fits.push(fit);
         finished.push(outcome);
     }
+    // A joint that is much worse than the others shows only where samples are compared one by one.
     if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
         let (values, given) = (fit.values(), setup.config.costs[0].given());
         let robot = Robot { theta: &setup.theta, values: &values };

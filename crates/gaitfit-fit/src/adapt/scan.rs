@@ -48,6 +48,7 @@ impl Simulator for Scan<'_> {
         let counted = |candidate: usize, recording: usize, signals: Signals<'_>| {
             consume(candidate, recording, signals);
             let done = simulated.fetch_add(1, Ordering::Relaxed) + 1;
+            // Recordings of several candidates end in any order, so whole candidates are counted by their number.
             if done.is_multiple_of(recordings) {
                 counting.step(done / recordings, 1, "");
             }

@@ -162,8 +162,10 @@ pub(super) fn validation(
             let one = |predicted: &[Predicted]| {
                 cost_of(alone.as_deref()?, std::slice::from_ref(predicted.get(number)?))
             };
+            // Without aligned samples the error of a walk would be that of its phase.
             let error = errors.get(number).and_then(Option::as_ref).filter(|_| aligned);
             let joints = error.iter().flat_map(|error| error.per_joint.iter().copied());
+            // NaN marks joints whose angles are not compared: wheels.
             let compared = log.joints.iter().cloned().zip(joints).filter(|(_, error)| !error.is_nan());
             let nominal = nominal.get(number).and_then(Option::as_ref).filter(|_| aligned);
             validations.push(Validation {
@@ -251,10 +253,12 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
     let theta = Theta::default();
     let nominal = Robot { theta: &theta, values: &[] };
     let given = setup.config.costs[0].given();
+    // An empty θ leaves the simulator's own robot.
     let mut scores = vec![score("nominal model", setup, nominal_cost, |set| {
         nominal.simulate(set.simulator.as_ref(), given)
     })?];
     if setup.method.walking().is_some() {
+        // Readings are given at each reset, so holding the last one is the prediction to beat.
         if let Resets::Sensors(horizon) = given {
             let joints = setup.method.joints();
             let held = |set: &LogSet| -> Vec<Predicted> {
@@ -267,6 +271,7 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
     }
     let late = |set: &LogSet, delay: f64| predictors::late(&set.logs, delay);
     let error = |delay: f64| rmse([&setup.fit], &[late(&setup.fit, delay)]).unwrap_or(f64::INFINITY);
+    // The delay is chosen on the fitted logs only; validation logs then test it.
     let best = predictors::best(&setup.fit.logs, error);
     let late_score = |name: &str, delay: f64| {
         let cost = setup.costs.first().and_then(|cost| cost_of(cost.as_ref(), &late(&setup.fit, delay)));

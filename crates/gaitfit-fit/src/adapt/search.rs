@@ -49,6 +49,7 @@ pub fn fit(
     // A limit of the search replaces the share that it has of the whole call's limit.
     let whole = setup.limit.filter(|_| limit == 0.0);
     let begun = Instant::now();
+    // Sessions before this one count for the limit.
     let seconds = || before + begun.elapsed().as_secs_f64();
     let counting = watch.begin(Work {
         what: "generation",
@@ -65,6 +66,7 @@ pub fn fit(
             .map_err(|error| Error::failed(format!("cannot write the checkpoint: {error}")))?;
         Ok(folder.write(CHECKPOINT, &text)?)
     };
+    // Saved first: the message promises a checkpoint.
     let interrupted = |fit: &Fit<'_>| match save(fit) {
         Err(error) => error,
         Ok(()) => {
@@ -92,9 +94,11 @@ pub fn fit(
             }
             Err(error) => return Err(Error::failed(error)),
         };
+        // Metrics are written before a checkpoint can name their generation.
         folder.append(METRICS, &metric_lines(&generation, seconds())?)?;
         tell_metrics(&counting, &generation);
         counting.step(fit.generation(), generation.evaluations, &best(setup, &fit));
+        // Asked again, because a generation takes long and is whole now.
         if watch.stop() {
             return Err(interrupted(&fit));
         }
@@ -118,7 +122,9 @@ pub fn fit(
             saved = Instant::now();
         }
     }
+    // Ends the line of progress before the notes below.
     drop(counting);
+    // A search that time ended is resumed from here under a higher limit.
     save(&fit)?;
     let outcomes = fit.outcomes();
     if let Some(why) = ended(&outcomes) {
@@ -148,6 +154,8 @@ fn ended(outcomes: &[CostOutcome]) -> Option<String> {
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
 fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
+    // Everything is read and compared before the metrics are cut: a refused resumption leaves the folder as it
+    // was.
     let (simulator, theta, costs) =
         (setup.searched().simulator.as_ref(), &setup.theta, setup.costs.as_slice());
     let options = setup.options.clone();

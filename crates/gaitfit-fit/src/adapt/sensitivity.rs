@@ -87,6 +87,7 @@ pub fn known_values(config: &AdaptConfig, theta: &Theta, path: Option<&Path>) ->
     let saved: &[SavedParameter] = file.as_ref().map_or(&[], |file| &file.parameter);
     let entries = theta.entries();
     let named = |entry: &Entry| saved.iter().find(|one| one.name == entry.name).map(|one| one.value);
+    // A file of another fit would silently leave all values at their starts.
     if !saved.is_empty() && !entries.iter().any(|entry| named(entry).is_some()) {
         let names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
         return Err(Error::settings(format!(
@@ -96,8 +97,10 @@ pub fn known_values(config: &AdaptConfig, theta: &Theta, path: Option<&Path>) ->
     }
     let value = |(entry, start): (&Entry, f64)| {
         let stated = || config.truth.get(&entry.name).map(|value| (*value, "[truth]".to_owned()));
+        // The file wins over `[truth]`, and both over the start.
         match named(entry).map(|value| (value, of_file.clone())).or_else(stated) {
             Some((known, place)) => within(entry, known, &place),
+            // On a bound one of the two neighbours is missing, and the derivative with it.
             None => Ok(off_bounds(entry, start)),
         }
     };
@@ -117,6 +120,7 @@ pub fn sensitivity(
 ) -> Result<SensitivityResults, Error> {
     let values = known_values(&setup.config, &setup.theta, theta)?;
     let cost = setup.costs[0].as_ref();
+    // Distributions have no differences of single samples to derive.
     if cost.differences().is_none() {
         let comparing = if setup.config.base == Base::Free { "matchr" } else { "matcho" };
         return Err(Error::settings(format!(
@@ -162,6 +166,7 @@ pub fn sensitivities(
         let entry = &entries[at];
         let deviation = sensitivity.deviation[at];
         let correlations =
+            // Every estimate goes completely with itself.
             sensitivity.correlation[at].iter().copied().enumerate().filter(|(other, _)| *other != at);
         let like = correlations.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
         ParameterSensitivity {

@@ -91,6 +91,7 @@ impl Setup {
     ) -> Result<Self, Error> {
         let given_config = config;
         let mut config = with_defaults(config, devices);
+        // Settings that contradict each other are refused before any file is read.
         check::check(&config, config_path)?;
         let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints = crate::robot::joint_names(&model);
@@ -237,6 +238,7 @@ fn swings(
     }
     let mut swings = swing::findings(method, logs);
     let is_corrected = config.swings && config.optimizer.replicates > 0;
+    // Only a walking robot's policy can make simulated walks.
     if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {
         let known = known::priors(theta, &swing::numbers_of(method, findings), &config.prior);
         // Simulated robots correct priors alone, so without a new prior they are not needed.
@@ -269,17 +271,21 @@ fn what_logs_show(
     joints: &[String],
     feet: Option<usize>,
 ) -> (Vec<SwingNumber>, Option<String>) {
+    // Priors and remedies are asked for apart: `swings` for the first, `effects` for the second.
     let priors = swings.filter(|_| config.swings);
     let mut numbers = priors.map_or_else(Vec::new, |findings| swing::numbers_of(method, findings));
     let mut note = None;
     if let Some(findings) = swings.filter(|_| config.effects) {
         let remedies = Remedies::new(findings, theta, base);
+        // Springs are found by `odd_joints` itself.
         let remedies = if config.odd_joints { remedies.without_springs() } else { remedies };
         remedies.extend(config, joints);
+        // A remedy's parameter takes over a part of what an estimate assumed, so the estimate becomes less sure.
         remedies.widen_priors(&mut numbers);
         numbers.extend(remedies.single_numbers().iter().filter(|_| config.swings).cloned());
         note = remedies.note();
     }
+    // Priors that no log gives.
     numbers.extend(feet.filter(|_| config.swings).into_iter().flat_map(sized::usual_priors));
     (numbers, note)
 }
@@ -362,10 +368,12 @@ fn with_springs(config: &AdaptConfig, method: &Method, joints: &[String]) -> Res
         Some(walking) => {
             (rest_angles(&walking.policy, model)?, walking.policy.interface.velocity_joints.as_slice())
         }
+        // A clamped robot's angles are counted from 0.
         None => (vec![0.0; names.len()], &[][..]),
     };
     // The angle of a wheel has no place of rest that a spring could pull to.
     let joints: Vec<String> = joints.iter().filter(|joint| !wheels.contains(joint)).cloned().collect();
+    // Stiffness and torque together: a spring with its rest angle unknown.
     let mut rules = config.rules();
     rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {
         ParameterRule { per: Sharing::Joint, joints: joints.to_vec(), ..ParameterRule::new(kind) }

@@ -48,6 +48,7 @@ pub fn distributions(
         (Signal::Velocity, Shown::Velocity),
         (Signal::Action, Shown::Action),
     ];
+    // The angle of a wheel grows without end, so its distribution means nothing.
     let is_wheel = |joint: usize| logs.iter().any(|log| log.trajectory.has_velocity_target(joint));
     let shown: Vec<(usize, (Signal, Shown))> = (0..joints.len())
         .flat_map(|joint| signals.map(|signal| (joint, signal)))
@@ -69,6 +70,7 @@ pub fn distributions(
             simulated.iter().flat_map(matrix).collect()
         };
         let (nominal, fitted) = (samples(nominal), samples(fitted));
+        // A signal that one side lacks cannot be compared.
         if measured.is_empty() || fitted.is_empty() || nominal.is_empty() {
             return None;
         }

@@ -123,7 +123,9 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
 
 /// The doubt that the remaining errors are no noise, or too much noise.
 fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
+    // Each reason is a sentence of one doubt, because all have the same remedy.
     let mut reasons: Vec<String> = Vec::new();
+    // After a correction the noise is known by simulated logs; else it may be a fitted parameter, below.
     let noise = fit.correction.as_ref().map(|correction| correction.torque_noise);
     if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD * effort) {
         reasons.push(format!(
@@ -190,12 +192,14 @@ pub(super) fn widening(audit: &Audit) -> f64 {
 /// short predictions. Says where the two disagree, if they do.
 pub(super) fn reconcile(fits: &mut [CostFit]) {
     let Some((first, others)) = fits.split_first_mut() else { return };
+    // Only the two kinds of costs see logs differently: by whole walks, and by predictions over some samples.
     let short = |fit: &CostFit| fit.cost_name.starts_with("matchr");
     let first_is_short = short(first);
     for other in others.iter().filter(|other| short(other) != first_is_short) {
         let mut apart = Vec::new();
         for one in other.comparison.iter().filter(|one| one.agrees == Some(false)) {
             let parameter = first.parameters.iter_mut().find(|parameter| parameter.found.name == one.name);
+            // A parameter that the logs do not identify may have any value, so it does not disagree.
             if let Some(parameter) = parameter.filter(|parameter| parameter.identified == Some(true)) {
                 parameter.reach(one.second);
                 apart.push(format!("{} {:.4} and {:.4}", one.name, one.first, one.second));
@@ -264,6 +268,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
             listed(&empty)
         ));
     }
+    // If the errors are noise, an empty parameter alone does not condemn the fit.
     let kind = if stopped.is_empty() && remembers == Some(false) {
         DoubtKind::Unexplained
     } else {

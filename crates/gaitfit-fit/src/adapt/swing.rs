@@ -62,6 +62,7 @@ pub fn compared(
             interval: parameter.interval,
         })
     };
+    // With one strength for all joints its error carries over; with several no single one belongs to the report.
     let strengths = theta.entries().iter().filter(|entry| entry.kind == JointParameter::TorqueScale.name());
     let mut known = strengths.filter_map(|entry| parameters.iter().find(|one| one.found.name == entry.name));
     let strength = match (known.next(), known.next()) {

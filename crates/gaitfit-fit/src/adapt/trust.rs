@@ -29,11 +29,14 @@ pub(super) fn identified(
         .method
         .least_squares(setup.costs[cost].as_ref(), &setup.theta)
         .map_err(Error::failed)?;
+    // Kept for a time limit: the search's own values, in case no interval can be measured.
     let searched = outcome.clone();
+    // Measuring has its own share of a whole limit.
     let measured = within(setup.limit, watch, |watch| {
         let (number, cost) = (cost, setup.costs[cost].as_ref());
         let scan = Scan::new(setup.searched().simulator.as_ref(), cost.name(), watch);
         let stop = || watch.stop();
+        // Least squares has differences and their derivatives; CMA-ES has costs alone, so the cost is scanned.
         if least_squares {
             let (theta, draw) = (&setup.theta, outcome.draw());
             let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
@@ -81,6 +84,7 @@ fn choose_among_last(
         falls: &setup.options.falls,
         cancel: &|| watch.stop(),
     };
+    // A copy, because `outcome` changes while its name is compared.
     let name = outcome.cost.clone();
     let best = course.iter().filter(|one| one.cost == name).map(|one| one.best_values.as_slice());
     outcome.choose_finalist(&comparison, best)
@@ -117,6 +121,7 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
+    // A search that time ended may still be far from the minimum.
     if let Some(why) = replicas.and_then(|_| cut_short(outcome)) {
         return Ok(Some(why));
     }
@@ -125,10 +130,12 @@ fn measured(
         let problem =
             Problem { simulator: setup.searched().simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
         refused = robots::correct(setup, replicas, outcome, problem, watch)?;
+        // The regression has given intervals already.
         if refused.is_none() {
             return Ok(None);
         }
     }
+    // A simulator that differs only in the use of sensor readings says nothing of a cost without them.
     let others = setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
     let others: Vec<_> = others.map(Other::alternative).collect();
     outcome.identify(scan, theta, cost, &others, 0, &stop)?;
@@ -136,9 +143,11 @@ fn measured(
     let generations = course.iter().filter(|one| one.cost == name);
     let others = generations.map(|one| (one.best_so_far, one.best_values.as_slice()));
     let simulator = setup.searched().simulator.as_ref();
+    // The cost's own error says which values on the search's way fit as well.
     if let Some(error) = cost_error(simulator, theta, cost, &outcome.values(), 0, &stop)? {
         outcome.widen(theta, others, error);
     }
+    // A refused regression still shows how unsure the values are.
     if let Some(regression) = refused.as_ref().and_then(|refused| refused.regression.as_ref()) {
         outcome.widen_by(theta, regression);
     }
@@ -154,6 +163,7 @@ fn trusted(
     problem: Problem<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<String>, FitError> {
+    // Without progress lines: the correction shows its own.
     let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
     let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
     if let Some(why) = replicas.and_then(|_| cut_short(outcome)) {
@@ -164,6 +174,7 @@ fn trusted(
         Some(replicas) => replicas.correct(setup, cost, outcome, quiet, watch)?,
     };
     let corrected = outcome.correction.is_some();
+    // A correction by simulated logs takes the error of those simulators away.
     let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected));
     let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
     outcome.trust(problem, &others)?;

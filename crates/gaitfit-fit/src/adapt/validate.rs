@@ -101,6 +101,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     if !theta.exists() {
         return Err(Error::settings(format!("{}: there is no such file or folder", theta.display())));
     }
+    // From here on the request names the file itself, not its folder.
     let request = &ValidateRequest { theta, ..request.clone() };
     let path = config_path(request)?;
     let mut config: AdaptConfig = settings::load(Some(&path), &request.set)?;
@@ -125,11 +126,13 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         log::lead_note(logs, method.walking().is_some())?;
     }
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
+    // Fitted and unfitted robot each have their own sets, because a set owns its simulator.
     let simulated = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
         let set = |logs: &Vec<Log>| LogSet::new(&config, &method, robot, logs.clone());
         sets.iter().map(|logs| Ok(set(logs)?.of_robot(falling))).collect()
     };
     let (after, before) = (simulated(&fitted)?, simulated(&base)?);
+    // Both robots are candidates already, so θ is empty.
     let itself = Predictor { theta: &nothing, values: &[] };
     let kind = config.costs[0];
     let stop = || watch.stop();

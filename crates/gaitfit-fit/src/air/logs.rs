@@ -26,9 +26,11 @@ pub fn read(
 ) -> Result<(Log, Vec<String>), Error> {
     let path = paths::find(named, "log", config_path)?;
     let gains = matching(override_gains, named, &path)?;
+    // Gains that the configuration states for this log win over the log's own.
     let options =
         gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
     let (mut trajectory, mut report) = open(&path, &options)?;
+    // The log states none, so it is read again with those of the configuration.
     if trajectory.gains.is_none() {
         if config.gains.kp.is_none() || config.gains.kd.is_none() {
             return Err(Error::settings(format!(
@@ -49,11 +51,13 @@ pub fn read(
             trajectory.len()
         )));
     }
+    // A replay needs all joints of the robot.
     let all: Vec<usize> = (0..model.joints.len()).collect();
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
     let mut findings = report.findings();
     findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
     findings.extend(weight::signs(&trajectory, model));
+    // Called for its errors alone.
     recording(&trajectory, &path)?;
     let findings = log_check::allowed(findings, &config.allow, &report.allowed);
     log_check::refuse(&findings, &path, &[])?;
@@ -120,6 +124,7 @@ pub fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Erro
     let Some(gains) = trajectory.gains.clone() else {
         return Err(Error::failed(format!("{shown}: the log has no PD gains.")));
     };
+    // Each value goes into the replay, so one broken number is named with its column and sample.
     let width = trajectory.joints.len();
     for (name, signal) in [("q", &trajectory.position), ("dq", &trajectory.velocity), ("qdes", &target)] {
         if let Some(bad) = signal.iter().position(|value| !value.is_finite()) {

@@ -35,6 +35,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     if matches!(policy.front, Some(Front::Function(_))) || policy.interface.reference.is_some() {
         return None;
     }
+    // A few rows of a few logs spread over all: each arrangement is measured on all of them.
     let parts: Vec<Trajectory> = logs
         .iter()
         .step_by(logs.len().div_ceil(MAX_LOGS).max(1))
@@ -43,11 +44,13 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     let logs: &[&Trajectory] = &parts.iter().collect::<Vec<_>>();
     let joints = policy.interface.resolve(model).ok()?;
     let limbs = Limbs::new(model, &joints);
+    // Actions that were computed from targets change with scale and pose; logged ones do not.
     let derived = logs.iter().all(|log| is_derived(policy, log));
     let with_imu = logs.iter().all(|log| {
         log.base.as_ref().is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some())
     });
     let samples = if with_imu { SAMPLES_WITH_IMU } else { SAMPLES };
+    // An arrangement without a measure is infinitely bad.
     let measure = |arrangement: &Arrangement, samples: usize| {
         let (policy, logs) = arranged(policy, logs, arrangement, derived);
         policy_check::mismatch_of(&policy, &logs.iter().collect::<Vec<_>>(), samples).unwrap_or(f64::INFINITY)
@@ -63,11 +66,13 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     let few = |tried: &[Arrangement]| {
         pool::map(tried.len(), machine::threads(), |number| measure(&tried[number], samples))
     };
+    // With logged actions their columns may have another order; derived ones cannot.
     let (best, _) = search(&policy.interface, &limbs, [!derived, derived], ENOUGH, &few, &fitting);
     if best.changes.is_empty() {
         return None;
     }
     // The search compares few samples, for speed. The verdict takes more.
+    // Measured on the same samples, so that both numbers can be compared.
     let [before, after] = [&Arrangement::new(&policy.interface), &best].map(|one| measure(one, 10 * samples));
     (after < FITS && after < CLEARLY * before).then_some(Diagnosis {
         changes: best.changes,
@@ -101,6 +106,7 @@ fn arranged(
         let target = log.target.as_ref().map(|target| pick(target, order));
         let action = match (&target, &log.action) {
             (Some(target), _) if derived => Some(actions_of(target, interface)),
+            // Logged actions are brought to what the policy would have put out: the order first, then the factor.
             (_, Some(action)) => {
                 let action = pick(action, action_order);
                 let factors = action_factor.iter().cycle();
@@ -154,6 +160,7 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
         )));
     }
     wheels::settle(&mut log, &policy.interface).map_err(|what| Error::failed(format!("{shown}: {what}")))?;
+    // A log of targets alone: the actions follow from the interface's pose and scale.
     if log.action.is_none() {
         let Some(target) = &log.target else {
             return Err(Error::failed(format!(

@@ -125,6 +125,7 @@ impl Arrangement {
             *list = order.iter().map(|&from| list[from].clone()).collect();
         }
         let names: Vec<String> = order.iter().map(|&joint| self.interface.joints[joint].clone()).collect();
+        // The columns of actions alone: the interface stays, and the log is at fault.
         if part == Ordered::Actions {
             moved(&mut self.action_order, order);
             self.changes.push(format!("the columns of the actions (act_…) in the order {name}"));
@@ -147,6 +148,7 @@ impl Arrangement {
                 &mut interface.kd,
             ];
             lists.into_iter().for_each(|list| moved(list, order));
+            // A term with one number for each joint belongs to the joints too.
             for term in interface.observation.iter_mut().filter(|term| term.scale.len() == order.len()) {
                 moved(&mut term.scale, order);
             }
@@ -181,6 +183,7 @@ impl Arrangement {
                 [one] => one,
                 _ => term.scale[joint],
             };
+            // A scale may be absent, one number for all, or one for each joint.
             term.scale = (0..joints).map(|joint| old(joint) * sign(joint) as f32).collect();
         }
         self.changes.push(format!("{name} turning the other way"));
@@ -250,6 +253,7 @@ fn changes(interface: &Interface, limbs: &Limbs, with_logs: bool) -> Vec<Change>
     ];
     for (quantity, scales) in usual {
         let seen = interface.observation.iter().find(|term| term.quantity == quantity);
+        // Terms that the policy does not observe cannot be scaled wrongly.
         let Some(term) = seen else { continue };
         let same = |scale: &[f32]| term.scale == scale || (term.scale.is_empty() && scale == [1.0]);
         let others = scales.iter().filter(|scale| !same(scale));

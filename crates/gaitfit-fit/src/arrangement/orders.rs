@@ -52,6 +52,7 @@ impl Limbs {
         let mut sorted: Vec<usize> = (0..self.names.len()).collect();
         sorted.sort_by(|&a, &b| self.names[a].cmp(&self.names[b]));
         orders.push(("of the alphabet".to_owned(), sorted));
+        // Only limbs with the same joints can be listed leg by leg or type by type.
         if self.alike() {
             for sequence in self.sequences() {
                 let legs: Vec<String> = sequence.iter().map(|&limb| self.label(limb)).collect();
@@ -74,6 +75,7 @@ impl Limbs {
         }
         // The policy's own order is no change.
         let same: Vec<usize> = (0..self.names.len()).collect();
+        // Different names may mean the same order; the first name is kept.
         let mut seen = vec![same];
         orders.retain(|(_, order)| {
             let new = !seen.contains(order);
@@ -95,6 +97,7 @@ impl Limbs {
             let backward = (0..count).rev().collect();
             return vec![forward, swapped, backward];
         }
+        // All permutations, by adding one limb at a time.
         let mut sequences: Vec<Vec<usize>> = vec![Vec::new()];
         for _ in 0..count {
             let longer = |sequence: &Vec<usize>| {

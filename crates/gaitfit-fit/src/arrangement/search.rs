@@ -33,8 +33,10 @@ pub(super) fn search(
                 changes(&arrangement.interface, limbs, with_logs).into_iter().chain(more(arrangement));
             tried.extend(changes.map(|change| arrangement.with(&change, derived)));
         }
+        // All candidates of a round at once, because `measure` uses all threads.
         let measured = measure(&tried);
         let mut ranked: Vec<(Arrangement, f64)> =
+            // Arrangements that are no policy of this robot have no measure.
             tried.into_iter().zip(measured).filter(|(_, value)| value.is_finite()).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         ranked.truncate(FOLLOWED);

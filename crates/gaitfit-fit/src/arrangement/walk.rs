@@ -36,6 +36,7 @@ pub fn of_walk(world: &World, seed: u64, threads: usize, watch: &Watch<'_>) -> O
     let stop = || watch.stop();
     let measure = |tried: &[Arrangement]| {
         let one = |number: usize| trial(world, &tried[number], seed, &stop).unwrap_or(f64::INFINITY);
+        // The given arrangement alone needs no progress bar.
         if tried.len() == 1 {
             return vec![one(0)];
         }

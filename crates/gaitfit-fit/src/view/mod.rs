@@ -142,6 +142,7 @@ fn page(settings: &ViewSettings, shown: Shown, rows: std::ops::Range<usize>) -> 
     let distance = |simulated: &Option<Simulated>| {
         let simulated = simulated.as_ref()?;
         let cells = rows.start * width..rows.end * width;
+        // The angle of a wheel grows without end, so it has no distance.
         let compared: Vec<usize> =
             (0..width).filter(|&joint| !shown.log.has_velocity_target(joint)).collect();
         let angles = |all: &[f64]| -> Vec<f64> {
@@ -151,6 +152,7 @@ fn page(settings: &ViewSettings, shown: Shown, rows: std::ops::Range<usize>) -> 
         distance(shown.clamped, &simulated, &measured, compared.len())
     };
     let distance_rad = [distance(&shown.nominal), distance(&shown.fitted)];
+    // The fitted robot stands beside the log; without one the robot before the fit.
     let beside = shown.fitted.as_ref().or(shown.nominal.as_ref());
     let start = shown.log.time[rows.start];
     let fell = beside.and_then(|one| one.fell_at).filter(|row| rows.contains(row));
@@ -231,6 +233,7 @@ fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     // A log at 60 Hz shows every row, whatever the last digit of its step says.
     let every = (1.0 / (dt * MAX_FRAME_HZ) - 0.01).ceil().max(1.0) as usize;
     let shape = crate::replay::shape("", &shown.model, &[]);
+    // The page draws all joints of the model; those that the log lacks stay at rest.
     let whole = |position: &[f64]| -> Vec<f64> {
         let mut positions = Vec::with_capacity(rows.len() * shown.rest.len());
         for row in position.chunks_exact(shown.joints.len()) {
@@ -245,6 +248,7 @@ fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
     let commands = shown.log.command.as_deref().filter(|_| !shown.clamped);
     let robot = |name: &str, motion: Motion| {
         let mut frames = motion.frames(&shown.model, rows.start, every, commands);
+        // `frames` goes on to the end of the log; only the shown rows count.
         frames.truncate(rows.len().div_ceil(every));
         gaitfit_view::replay::ReplayRobot { name: name.to_owned(), frames, ..shape.clone() }
     };
@@ -254,6 +258,7 @@ fn replay(shown: &Shown, rows: &std::ops::Range<usize>) -> Replay {
         true => Motion::clamped(&shown.model, dt, joints),
         false => Motion::walked(&shown.model, dt, joints, attitude),
     };
+    // A clamped simulation has no base of its own, so it hangs where the measured robot does.
     let height = measured.position.first().copied().unwrap_or_default();
     let mut robots = vec![robot("log", measured)];
     let simulated = shown.fitted.as_ref().map(|one| ("fitted simulator", one));

@@ -47,6 +47,7 @@ impl Motion {
                     .map_or(level, |q| normalize(quat_of(q)))
             })
             .collect();
+        // From row to row the base moves against the mean step of the feet that stand in both.
         let mut position: Vec<Vec3> = Vec::with_capacity(rows);
         let mut last: Vec<Vec3> = Vec::new();
         let mut at = [0.0, 0.0];
@@ -59,6 +60,7 @@ impl Motion {
                 .filter(|(now, _)| standing(now))
                 .map(|(now, before)| sub(*before, *now))
                 .collect();
+            // Without a standing foot the base stays: nothing shows how it moved.
             for (k, at) in at.iter_mut().enumerate() {
                 *at += steps.iter().map(|step| step[k]).sum::<f64>() / steps.len().max(1) as f64;
             }

@@ -35,6 +35,7 @@ impl Robots {
         let (mut config, path) = super::config(settings)?;
         robot_file::of_policy(&mut config, &path)?;
         let first = super::read_csv(&settings.log, &ReadOptions::default())?;
+        // Only a Go2's log may go without a robot file.
         if config.robot.is_empty() {
             let go2 = super::robot::go2()?;
             if let Some(joint) = first.joints.iter().find(|joint| go2.find_joint(joint).is_none()) {
@@ -45,6 +46,7 @@ impl Robots {
             }
         }
         let walked = first.command.as_ref().is_some_and(|all| all.iter().any(|part| part.abs() > 0.0));
+        // Reasons that are known before anything is simulated; without one a failed simulation is an error.
         let alone = match (&config.policy, config.base) {
             (None, _) if walked => {
                 Some("the robot walked; give --policy, the policy that walked, to simulate it")
@@ -84,6 +86,7 @@ fn log_alone(
         "" => super::robot::go2()?,
         named => super::robot::read(&crate::paths::find(named, "robot", path)?, config.lenient, hold)?,
     };
+    // Only joints that the log has: alone it may show a part of the robot.
     let there: Vec<usize> = (0..model.joints.len())
         .filter(|&joint| first.joints.iter().any(|name| model.find_joint(name) == Some(joint)))
         .collect();
@@ -123,6 +126,7 @@ fn both(config: &AdaptConfig, path: &Path, settings: &ViewSettings) -> Result<Ro
     let longest = fitted.as_ref().filter(|fitted| delay(fitted) > delay(&base)).unwrap_or(&base);
     let method = method(longest)?;
     let ValidationLogs { sets, doubts, .. } = read_logs(&config.logs, config, Path::new("view"), &method)?;
+    // Here the log is not used for validation, so messages must not say so.
     warnings.extend(doubts.into_iter().map(|doubt| doubt.trim_start_matches("validation: ").to_owned()));
     let mut logs: Vec<Log> = sets.into_iter().flatten().collect();
     // A log that was cut because of falls is several: the longest one is shown.

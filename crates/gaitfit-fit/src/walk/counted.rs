@@ -97,8 +97,10 @@ pub(super) fn enough(
     }
     let shown = config_path.display();
     let downs = cuts.iter().filter(|cut| cut.kind != CutKind::Lost);
+    // Lost samples are no sign of a robot that does not walk.
     let down: f64 = downs.clone().map(|cut| cut.to_s - cut.from_s).sum();
     let min = config.min_stretch() + skipped;
+    // As many falls as logs, and nothing left: the robot is at fault, not the length of the logs.
     Err(Error::failed(if logs.is_empty() && downs.count() >= read {
         format!(
             "{shown}: in all logs the robot falls or does not walk before {min} s have passed ({}). A fit \

@@ -53,6 +53,7 @@ impl Coverage {
     ) -> Self {
         let ranges = [settings.x, settings.y, settings.yaw];
         let names = [("vx", "m/s"), ("vy", "m/s"), ("yaw rate", "rad/s")];
+        // A range of one number cannot be left uncovered, and has no cells.
         let wide: Vec<usize> = (0..3).filter(|&k| ranges[k][1] > ranges[k][0]).collect();
         let axis = |&k: &usize| {
             let values = commands.clone().filter_map(move |row| row.get(k).copied());
@@ -61,6 +62,7 @@ impl Coverage {
         let axes = wide.iter().map(axis).collect();
         let cells = COARSE.pow(wide.len() as u32);
         let mut seconds = vec![0.0; cells];
+        // Places on all axes are the digits of the cell's number.
         for row in commands.clone() {
             let mut cell = 0;
             let mut inside = true;
@@ -134,6 +136,7 @@ impl Axis {
         let edge = |bin: usize| range[0] + (range[1] - range[0]) * bin as f64 / BINS as f64;
         let mut uncovered = Vec::new();
         let mut start = None;
+        // One place behind the last bin, to end a gap that reaches to the edge of the range.
         for bin in 0..=BINS {
             let empty = seconds.get(bin).is_some_and(|&seconds| seconds < COVERED_S);
             match (empty, start) {

@@ -90,16 +90,19 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
     let mut kept = Vec::new();
     let mut begin = 0;
     for Down { samples: down, reason, fall } in downs {
+        // Both cuts must stay in the log: the margin may reach before its start, the second beyond its end.
         let start = down.start.saturating_sub(at(margin));
         let end = if down.end >= samples { samples } else { (down.end + at(STANDS_S)).min(samples) };
         // A robot that is down when its log begins has not fallen in it.
         let kind = if *fall && down.start > begin { CutKind::Fall } else { CutKind::Down };
+        // A fall may begin within the margin of the one before; its stretch is then empty and dropped below.
         kept.push(begin..start.max(begin));
         begin = end.max(begin);
         let (from_s, to_s) = (time[start], time[end - 1]);
         cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), kind });
     }
     kept.push(begin..samples);
+    // Second pass: stretches are split again where samples were lost.
     let mut whole = Vec::new();
     for range in kept {
         let mut begin = range.start;
@@ -148,6 +151,7 @@ pub fn cut_felt(
         for range in kept {
             let failed =
                 |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
+            // Filled rows are numbered from the start of the stretch.
             let rows = range.clone();
             let filled =
                 log.filled.iter().filter(|row| rows.contains(row)).map(|row| row - rows.start).collect();

@@ -32,11 +32,13 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         FindingKind::MissingJoint,
     ];
     let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
+    // Each log is checked on its own, so the checks run in parallel.
     let checked = pool::map(reads.len(), machine::threads(), |at| {
         let log = &reads[at].trajectory;
         check(log, &CheckSpec::of_robot(scene.walker.batch.model(), &log.joints))
     });
     for (read, checked) in reads.iter().zip(checked) {
+        // Each kind counts once a log, so that the number below is one of logs.
         let mut seen = Vec::new();
         for finding in read.noticed.iter().cloned().chain(checked) {
             if finding.severity == Severity::Note
@@ -66,6 +68,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
 /// Logs that say they are another robot's or were made with other gains.
 pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     let mut warnings = Vec::new();
+    // A policy without a robot's name fits any robot.
     let known = !interface.robot.is_empty();
     let other_robot =
         |read: &&Read| known && read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
@@ -125,6 +128,7 @@ pub fn targets_differ(logs: &[Log], interface: &Interface) -> Option<String> {
         let (Some(target), Some(action)) = (&log.trajectory.target, &log.trajectory.action) else { continue };
         for (target, action) in target.chunks_exact(joints).zip(action.chunks_exact(joints)) {
             for joint in 0..joints {
+                // As the interface clips the action before it scales it.
                 let clip = interface.clip(joint);
                 let meant = interface.default_pose[joint]
                     + interface.action_scale[joint] * action[joint].clamp(-clip, clip);

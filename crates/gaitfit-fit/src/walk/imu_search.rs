@@ -89,12 +89,14 @@ impl<'a> Search<'a> {
     ) -> (Vec<f64>, Given) {
         let missing = given.missing(&self.policy.interface);
         let unknowns = missing.len();
+        // The first guess: level and at rest, the most likely state.
         let mut values = vec![0.0; unknowns];
         let mut action = self.act(log, sample, last, &[given.filled(&missing, &values)], clock).remove(0);
         if unknowns == 0 {
             return (action, *given);
         }
         let spreads = self.spread;
+        // Errors relative to the spread of each action, weighted against the price of unusual states.
         let error = |action: &[f64]| -> DVector<f64> {
             let each = action.iter().zip(logged).zip(spreads).map(|((a, b), s)| PRECISION * (a - b) / s);
             DVector::from_iterator(logged.len(), each)
@@ -109,6 +111,7 @@ impl<'a> Search<'a> {
         let mut price = residual.norm_squared() + relative(&values).norm_squared();
         let mut damping = 1e-3;
         for _ in 0..STEPS {
+            // Forward differences; the policy acts on all probes at once.
             let probes: Vec<Given> = (0..unknowns)
                 .map(|k| {
                     let mut values = values.clone();
@@ -136,6 +139,7 @@ impl<'a> Search<'a> {
                 let off = error(&there);
                 let cost = off.norm_squared() + relative(&trial).norm_squared();
                 if cost < price {
+                    // A step that gains little is the last one.
                     moved = price - cost > 1e-4 * price;
                     (values, action, residual, price) = (trial, there, off, cost);
                     damping = (damping * 0.3).max(1e-6);

@@ -32,6 +32,7 @@ pub fn find(named: &[String], config_path: &Path) -> Result<(Vec<LogFile>, Vec<S
     let mut warnings = Vec::new();
     for entry in named {
         for path in of_entry(entry, config_path)? {
+            // The same file may be named through a link or another relative path.
             let identity = path.canonicalize().unwrap_or_else(|_| path.clone());
             if !seen.insert(identity) {
                 warnings.push(format!("{}: `logs` names this file twice; it counts once", path.display()));
@@ -84,6 +85,7 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
     let here = PathBuf::from(entry);
     let beside = beside(entry, config_path);
     let mut passed_over = None;
+    // As for single files: the current directory comes before the configuration's folder.
     for pattern in [&here, &beside] {
         let text = pattern.to_string_lossy();
         let glob = GlobBuilder::new(&text).literal_separator(true).build().map_err(|error| {
@@ -112,6 +114,7 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
         })?;
         paths.iter().try_for_each(|path| check_entry(path)).map_err(Error::failed)?;
         if !paths.is_empty() {
+            // Folders list their files in any order; the fit must not depend on it.
             paths.sort();
             return Ok(paths);
         }
@@ -141,6 +144,7 @@ fn walk(
     take: &mut dyn FnMut(&Path, bool),
 ) -> Result<(), Error> {
     let entries = match folder {
+        // A pattern without a folder searches the current one, whose `.` must not become a part of names.
         folder if folder.as_os_str().is_empty() => list(Path::new(".")).map(|paths| {
             paths
                 .into_iter()

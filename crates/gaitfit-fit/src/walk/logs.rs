@@ -131,6 +131,7 @@ pub fn read(
 ) -> Result<LogNotes, Error> {
     let (files, mut warnings) = log_files::find(named, config_path)?;
     let reads = open_all(files, policy, config, scene, &mut warnings)?;
+    // Asked after each step that may leave too little, so that the message names the step.
     let enough =
         |logs: &[Log], removed: &[Cut]| enough(purpose, config, config_path, reads.len(), logs, removed);
     let margin = config.fall_margin();
@@ -145,6 +146,7 @@ pub fn read(
         enough(&logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
+    // Falls are cut before the logs are shortened, so that each has its full horizon of walking.
     if config.simulation.horizon_seconds > 0.0 {
         for log in &mut logs {
             shorten(log, config.skip_seconds() + config.simulation.horizon_seconds)?;
@@ -161,6 +163,7 @@ pub fn read(
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
+    // All falls of a log count, also those behind the horizon.
     let falling =
         Falling { falls: removed.iter().filter(|cut| cut.kind == CutKind::Fall).count(), seconds: on_feet_s };
     Ok(LogNotes { files: reads.len(), logs, warnings, cuts: removed, falling, coverage, policy_match })
@@ -178,11 +181,13 @@ fn open_all(
     let mut values = 0;
     for file in files {
         let read = open(file, config, scene)?;
+        // A copy under another name would weigh twice.
         if let Some(other) = reads.iter().find(|other| same_data(&other.trajectory, &read.trajectory)) {
             warnings
                 .push(format!("{}: the same data as {}; it counts once", read.file.name, other.file.name));
             continue;
         }
+        // Counted over all logs together, because all are in memory together.
         values += numbers(&read.trajectory);
         if values > MAX_VALUES {
             return Err(Error::failed(format!(
@@ -225,6 +230,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
     for read in reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
+            // What the user allows is no fall, whatever it looks like.
             .filter(|fall| !is_allowed(fall, &config.allow))
             .map(|fall| Down {
                 samples: fall.samples,
@@ -235,6 +241,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
             .collect();
         let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, config.fall_margin());
         seconds += kept.iter().map(|stretch| stretch.len() as f64 * read.trajectory.dt()).sum::<f64>();
+        // Resampled stretch by stretch, so that no row spans a cut.
         for stretch in kept {
             stretches.push(count(read, stretch, scene)?);
         }
@@ -256,12 +263,14 @@ fn follow(
 ) -> Result<PolicyMatch, Error> {
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
+    // A function of the caller that failed makes every number below meaningless.
     if policy.has_failed() {
         return Err(Error::failed(WalkerError::Failed));
     }
     let policy_name = config.policy.as_deref().unwrap_or("the policy");
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
     let judged = policy_match.judge(policy_name, &names);
+    // A search for the reason costs many runs of the policy, so it is made only if actions do not follow.
     let diagnosis = match policy_match.agrees() {
         true => None,
         false => arrangement::of_logs(policy, scene.walker.batch.model(), &trajectories),
@@ -276,9 +285,11 @@ fn follow(
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
+    // The limit of this fit instead of the reader's own.
     let options = ReadOptions { max_values: MAX_VALUES, ..ReadOptions::default() };
     let (trajectory, report) = read_csv_report(&file.path, &options).map_err(Error::failed)?;
     let (mut trajectory, joints) =
+        // From here on joints have the robot's names and the policy's order.
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
     if trajectory.command.is_none() {
@@ -292,6 +303,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
     let motion = reference::settle(&mut trajectory, &scene.walker.interface, &file.name)
         .map_err(|what| Error::failed(format!("{shown}: {what}")))?;
+    // A log of targets alone: actions follow from the policy's pose and scale.
     if trajectory.action.is_none() {
         let Some(target) = &trajectory.target else {
             return Err(Error::failed(format!(
@@ -303,6 +315,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
     }
     let base = trajectory.base.as_ref();
     let imu = base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some());
+    // Costs of short predictions start in the unit's readings at every sample.
     if !imu && let Some(cost) = config.costs.iter().find(|cost| cost.needs_imu()) {
         return Err(Error::failed(format!(
             "{shown}: the cost {cost} needs what an IMU measures at every sample, and the log lacks it: columns \

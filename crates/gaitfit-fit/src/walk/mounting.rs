@@ -32,6 +32,7 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
             .flatten()
             .map(|regular| regular.trajectory)
     };
+    // All logs or none: one mounting is looked for that explains them all.
     let logs: Vec<Trajectory> = reads.iter().map(control).collect::<Option<_>>()?;
     let turned = |mounting: [f64; 3]| -> Option<f64> {
         let settings = ImuSettings { mounting: Some(mounting), ..ImuSettings::default() };
@@ -39,6 +40,7 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
         logs.iter_mut().for_each(|log| turn(log, policy, &settings));
         policy_check::mismatch(policy, &logs.iter().collect::<Vec<_>>())
     };
+    // Actions that follow already show that the unit is mounted as stated.
     let here = policy_check::mismatch(policy, &logs.iter().collect::<Vec<_>>())?;
     if here < AGREES {
         return None;
@@ -46,6 +48,7 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
     let mut ranked: Vec<([f64; 3], f64)> = turns().filter_map(|turn| Some((turn, turned(turn)?))).collect();
     ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (&(mounting, best), &(_, second)) = (ranked.first()?, ranked.get(1)?);
+    // The turn must fit well, much better than none, and much better than the second.
     if best > AGREES || here < CLEARLY * best || second < CLEARLY * best {
         return None;
     }

@@ -100,6 +100,7 @@ pub fn write(
     out: &mut [f32],
 ) {
     let joints = interface.joints.len();
+    // Single precision, because the simulator observes so too.
     let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect::<Vec<f32>>();
     let joint = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
     let command = log.command.as_deref().unwrap_or_default();
@@ -112,6 +113,7 @@ pub fn write(
         clock: turns.fract() as f32,
         ..Sensed::new(0)
     };
+    // Base readings that are given replace those that `Sensed` starts with.
     for (quantity, value) in Quantity::ALL.iter().zip(given.values) {
         if let (Some(of), Some(value)) = (quantity.base(), value) {
             (of.sense)(&mut sensed, value);
@@ -140,6 +142,7 @@ pub fn past(
     let still = vec![0.0; joints];
     let action = log.action.as_deref().unwrap_or_default();
     let mut row: Option<Vec<f32>> = None;
+    // Only as many rows as the observation keeps frames of, each written over the one before.
     for before in (sample + 1).saturating_sub(layout.frames())..sample {
         let last = before.checked_sub(1).and_then(|last| action.get(last * joints..(last + 1) * joints));
         let given = Given::from_log(log, before);

@@ -112,6 +112,7 @@ impl Comparison {
         let interface = &policy.interface;
         let joints = interface.joints.len();
         let samples: usize = logs.iter().map(|log| log.len()).sum();
+        // Samples are thinned evenly over all logs, so that long ones do not fill the limit.
         let every = samples.div_ceil(max).max(1);
         let spread = spread(logs, joints);
         let mut this =
@@ -120,6 +121,7 @@ impl Comparison {
         let mut seen = 0;
         for (number, log) in logs.iter().enumerate() {
             let Some(action) = &log.action else { continue };
+            // A policy with a memory must act along the whole log, so single samples cannot be chosen.
             if policy.is_recurrent() {
                 this.remembering(policy, log, number, action, shift, every, &mut seen);
                 continue;
@@ -137,12 +139,14 @@ impl Comparison {
                     continue;
                 }
                 seen += 1;
+                // The logged action of this sample, or of a neighbour to test for a shift of one row.
                 // The first row has no action before it, which the policy may observe.
                 let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
                 if let Some(at) = at.filter(|_| seen % every == 0) {
                     chosen.push((sample, row(at), action[(at - 1) * joints..at * joints].to_vec()));
                 }
             }
+            // The phase of the gait clock is one unknown of the whole log, found before the samples.
             let clock = search.clock(log, &chosen);
             for (sample, logged, last) in chosen {
                 let given = Given::from_log(log, sample);
@@ -169,6 +173,7 @@ impl Comparison {
     ) {
         let interface = &policy.interface;
         let joints = self.joints;
+        // The memory keeps what was observed before, so one unknown sample makes all later ones unknown.
         if !(0..log.len()).all(|sample| Given::from_log(log, sample).missing(interface).is_empty()) {
             return;
         }
@@ -183,6 +188,7 @@ impl Comparison {
             observation::write(&layout, interface, log, sample, &last, &given, 0.0, past.row(0), &mut row);
             policy.act_with(1, &row, &mut memory, &mut predicted, &mut scratch);
             past.take(&row);
+            // The logged action, not the predicted one: the policy observed what it had really done.
             last.copy_from_slice(&action[sample * joints..(sample + 1) * joints]);
             *seen += 1;
             let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
@@ -292,6 +298,7 @@ impl PolicyMatch {
     /// # Errors
     /// Another policy: named, with the log that fits least.
     pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
+        // Too little to compare is a doubt about the logs, not about the policy.
         if !self.is_enough() {
             let why = match self.samples {
                 samples if samples < MIN_SAMPLES => {
@@ -312,6 +319,7 @@ impl PolicyMatch {
             }
             false => "",
         };
+        // A shift of one row is looked for before another policy is blamed.
         let numbers = self.numbers();
         let [earlier, later] = self.shifted;
         // A slow walk changes little in a sample: what counts there is how much better the other sample fits.
@@ -341,6 +349,7 @@ impl PolicyMatch {
                 self.slope
             )]);
         }
+        // The log that fits least helps to find a single wrong file.
         let finite = self.by_log.iter().zip(logs).filter(|(mismatch, _)| mismatch.is_finite());
         let worst = finite.max_by(|a, b| a.0.total_cmp(b.0));
         let worst =

@@ -117,6 +117,7 @@ impl Recorder {
             seed: robot.seed,
         };
         let jobs: Vec<follow::Job> = robots.iter().map(job).collect();
+        // Logs come in any order from several threads; each has its slot.
         let logs = Mutex::new(vec![vec![Recorded::default(); self.scripts.len()]; robots.len()]);
         let keep = |robot: usize, number: usize, track: &Track| {
             let recorded = Recorded::new(&task.walker, &self.scripts[number], track);
@@ -132,6 +133,7 @@ impl Recorder {
         let keep_all = |robot: usize, tracks: Vec<Track>| {
             tracks.iter().enumerate().for_each(|(number, track)| keep(robot, number, track));
         };
+        // The GPU makes what it can; the CPU makes the rest below.
         let left = self.on_gpu(gpu.as_ref(), &jobs, &|robot| begins(&jobs[robot]), &keep_all, cancel);
         let rest: Vec<follow::Job> = left.iter().map(|&robot| jobs[robot].clone()).collect();
         let pass = |robot: usize, number: usize, track: &Track| keep(left[robot], number, track);
@@ -190,6 +192,7 @@ impl Recorder {
         };
         let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &take_all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
+        // One robot a thread: its logs differ in their beginnings, so each needs scripts of its own.
         let one = |robot: usize| {
             let begins = begins(robot);
             let scripts: Vec<Script> = self
@@ -218,6 +221,7 @@ impl Recorder {
                 }
                 let robot = left[at];
                 match one(robot) {
+                    // A robot that was cancelled in the middle is not whole, and is dropped.
                     Ok(logs) if !cancel() => keep(robot, logs),
                     Ok(_) => {}
                     Err(error) => {
@@ -302,6 +306,7 @@ impl Recorded {
     pub fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
         let joints = walker.default_pose.len();
+        // Targets of all joints of the model; the log has only the policy's.
         let mut targets = vec![0.0; script.commands.len() * joints];
         walker.targets(&track.action, &mut targets);
         let rows = targets.chunks_exact(joints);
@@ -372,12 +377,14 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let base = log.base.as_ref();
     let attitude = base.and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());
+    // Without an orientation the script's own start stays: upright, at rest.
     if let Some(&attitude) = attitude.filter(|attitude| attitude.iter().all(|x| x.is_finite())) {
         let width = walker.joints.len().min(log.position.len());
         let angles: Vec<f64> = in_model(walker, &log.position[..width], &walker.default_pose)
             .into_iter()
             .map(f64::from)
             .collect();
+        // The robot stands on the ground in the attitude of its first sample.
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
         // The start keeps the log's heading, so the motion is not turned.
@@ -386,6 +393,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
     if let Some(rates) = rates.filter(|rates| rates.iter().all(|x| x.is_finite())) {
         script.start.base_angular = rates.map(|x| x as f32);
     }
+    // The states of later samples would reset the robot, which is to walk on by itself.
     script.states.clear();
     script
 }

@@ -23,6 +23,8 @@ pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result
     let turned = interface.observation.iter().any(|term| term.quantity == Quantity::ReferenceOrientation);
     let holes =
         |quaternions: &[f64]| quaternions.chunks_exact(4).position(|q| q.iter().any(|x| !x.is_finite()));
+    // A hole matters if the policy observes the orientation, and in the first row if the motion is turned to face
+    // as it.
     match quaternions.map(holes) {
         None if turned => {
             return Err(format!(
@@ -40,6 +42,7 @@ pub fn settle(log: &mut Trajectory, interface: &Interface, name: &str) -> Result
         }
         _ => {}
     }
+    // Behind its end a motion stands still, so a log that begins there is doubtful.
     if log.motion.is_some() {
         let (time, rows) = (place(log, 0).time, reference.samples(interface.joints.len()));
         let end = rows.saturating_sub(1) as f64 / reference.rate_hz;

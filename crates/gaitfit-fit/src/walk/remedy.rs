@@ -72,6 +72,7 @@ impl Remedies {
                         .map(|other| other.size.value.abs())
                         .fold(0.0, f64::max)
                 };
+                // All groups are split, also those without an odd joint: `largest` is 0 there and widens nothing.
                 self.split_groups =
                     groups.iter().map(|group| (group.joints.clone(), largest(group))).collect();
             }
@@ -103,6 +104,7 @@ impl Remedies {
         for rule in &self.parameter {
             let mut rule = rule.clone();
             rule.joints = covered.clone().unwrap_or(rule.joints);
+            // Defaults are filled in here, because those of the configuration were filled in before.
             rule.resolve();
             config.parameter.push(rule);
         }
@@ -114,6 +116,7 @@ impl Remedies {
         for (group, _) in &self.split_groups {
             split(config, group, joints);
         }
+        // A joint with a strength of its own leaves the rule that it shared, or two entries would set it.
         for number in &self.singles {
             if number.kind == JointParameter::TorqueScale.name() {
                 leave_out(config, JointParameter::TorqueScale, &number.joints, joints);

@@ -25,6 +25,8 @@ pub fn limit(rules: &mut [ParameterRule], interface: &Interface, joints: &[Strin
     let any_moves = joints.iter().any(moves);
     for rule in rules.iter_mut().filter(|rule| rule.joints == ["*"]) {
         let about_angles = NOT_FOR_WHEELS.contains(&rule.kind);
+        // One value for all joints needs no joint that shows it alone; and without any moved joint nothing is
+        // limited.
         let only_moved = rule.per != Sharing::All && any_moves;
         let has_effect =
             |joint: &&String| (moves(joint) || !only_moved) && !(is_wheel(joint) && about_angles);
@@ -33,6 +35,7 @@ pub fn limit(rules: &mut [ParameterRule], interface: &Interface, joints: &[Strin
             rule.joints = kept;
         }
     }
+    // Rules that name joints are not changed, so a wheel in them is refused.
     let names: Vec<&str> = joints.iter().map(String::as_str).collect();
     for rule in rules.iter().filter(|rule| NOT_FOR_WHEELS.contains(&rule.kind)) {
         // Patterns that match nothing are refused elsewhere.

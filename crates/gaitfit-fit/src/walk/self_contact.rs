@@ -63,12 +63,14 @@ pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
     let mut samples = 0;
     for (log, joints) in logs.iter().zip(&logged) {
         for row in log.trajectory.position.chunks_exact(joints.len().max(1)).step_by(every) {
+            // Joints that no log has stay at 0; pairs that depend on them were left out above.
             let mut angles = vec![0.0; model.joints.len()];
             for (joint, angle) in joints.iter().zip(row) {
                 if let Some(joint) = joint {
                     angles[*joint] = *angle;
                 }
             }
+            // The base's place does not change distances within the robot.
             let frames = body_frames(model, &Frame::WORLD, &angles);
             samples += 1;
             for one in &mut pairs {
@@ -81,6 +83,7 @@ pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
     }
     let share = |one: &Closeness| one.overlaps.len() as f64 / samples.max(1) as f64;
     pairs.retain(|one| one.overlaps.len() >= MIN_SAMPLES && share(one) >= MIN_SHARE);
+    // The most frequent contacts come first in the notes.
     pairs.sort_by_key(|one| std::cmp::Reverse(one.overlaps.len()));
     let (touching, too_large): (Vec<_>, Vec<_>) =
         pairs.into_iter().partition(|one| one.overlap() <= MAX_OVERLAP);

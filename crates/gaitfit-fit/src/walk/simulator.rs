@@ -116,6 +116,7 @@ impl Simulator for WalkSimulator {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         let &Walking { ref policy, ref task, threads, .. } = self.walking.as_ref();
+        // Free walks and short predictions are simulated by different programs, in two batches.
         let (mut free, mut corrected) = (Vec::new(), Vec::new());
         for (number, rollout) in candidates.iter().enumerate() {
             let (candidate, seed) = (self.candidate(theta, &rollout.values), rollout.draw);
@@ -137,6 +138,7 @@ impl Simulator for WalkSimulator {
                 self.scripts.len()
             )));
         }
+        // A track without a signal has an empty list, and `Signals` none.
         fn given(signal: &[f32]) -> Option<&[f32]> {
             Some(signal).filter(|signal| !signal.is_empty())
         }
@@ -162,12 +164,14 @@ impl Simulator for WalkSimulator {
         followed.map_err(SimulatorError::failed)?;
         let (places, jobs): (Vec<usize>, Vec<predict::Job>) = corrected.into_iter().unzip();
         let every: Vec<usize> = jobs.iter().map(|job| job.every).collect();
+        // Rows that were lost have no reading to predict from or to compare with.
         let to = |job: usize, course: usize, track: &Track| match self.filled.get(course) {
             Some(filled) if !filled.rows.is_empty() => {
                 pass(places[job], course, &filled.instead(track, walker.joints.len(), every[job]));
             }
             _ => pass(places[job], course, track),
         };
+        // What the GPU did not simulate goes to the CPU.
         let left = self.walking.predictions.predict(&self.walking, &self.readings, &jobs, &to, cancel)?;
         let rest: Vec<predict::Job> = left.iter().map(|&job| jobs[job].clone()).collect();
         let to = |job: usize, course: usize, track: &Track| to(left[job], course, track);
@@ -314,6 +318,7 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     let samples = log.len();
     let command = log.command.as_deref().unwrap_or_default();
     let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
+    // Joints that the log lacks, held ones for example, have the pose of the task.
     let model_order = |values: &[f64], row: usize, others: &[f64]| -> Vec<f64> {
         let mut in_model = others.to_vec();
         for (&joint, &value) in walker.joints.iter().zip(&values[row * joints..]) {
@@ -327,6 +332,7 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     let posture =
         |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
     let (angles, velocities) = posture(0);
+    // The log's heading is taken away, so that every walk begins along x.
     let (start, turned_back) = match inertial_start(log) {
         Some((quaternion, rates, heading)) => {
             let start = Start {
@@ -343,6 +349,7 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
         Some(_) => (0..samples).map(|row| reference::place(log, row)).collect(),
         None => Vec::new(),
     };
+    // Resets need the whole state, which only simulated logs have.
     let (states, actions) = (states(log, posture), actions(log));
     Script { commands, start, others: Vec::new(), states, actions, motion, turned_back }
 }

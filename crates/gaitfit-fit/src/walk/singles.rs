@@ -37,10 +37,12 @@ pub fn examine(
         let sprung = with_springs(model, &singles);
         let report = watch
             .counted("regression", "regressions", |count| estimate_walks(&sprung, &walks, &again, count));
+        // Without a report the findings of the round before stay.
         let Ok(report) = report else { break };
         findings.swings = Some(report);
         findings.effects = findings.effects_of(&sprung, &walks, settings);
     }
+    // What the last round still shows of single joints is replaced by what was taken out step by step.
     let is_single = |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
     findings.effects.retain(|effect| !is_single(effect));
     findings.effects.extend(singles);

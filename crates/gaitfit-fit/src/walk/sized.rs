@@ -81,6 +81,7 @@ fn power(ratio: f64) -> f64 {
 /// unknown.
 pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet: usize) {
     let names = joint_names(model);
+    // Given settings are compared with what the defaults become on this robot, whose slides have other units.
     let defaults: AdaptConfig = crate::settings::walk_defaults();
     let usual = defaults.by_kind(model).unwrap_or(defaults);
     for (rule, given) in config.parameter.iter_mut().zip(&given.parameter) {
@@ -90,6 +91,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
         let bare = ParameterRule { joint_kind: rule.joint_kind, ..ParameterRule::new(rule.kind) };
         // A rule that repeats the defaults counts as one that leaves its numbers to them.
         let given = if usual.parameter.contains(given) { &bare } else { given };
+        // The file's own values: the largest must lie inside the bounds, the middle one is the start.
         let mut values: Vec<f64> =
             covered.iter().filter_map(|&joint| value(model, rule.kind, joint)).collect();
         values.sort_by(f64::total_cmp);
@@ -120,6 +122,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
         scaled(given.lower, &mut rule.lower);
         scaled(given.upper, &mut rule.upper);
         scaled(given.deviation, &mut rule.deviation);
+        // The base may become lighter by a part of its own mass at most, or it would have none.
         if rule.kind == RobotNumber::BaseMass && given.lower.is_none() {
             rule.lower = rule.lower.map(|lower| lower.max(-LIGHTER * base_mass(model)));
         }

@@ -85,8 +85,10 @@ impl SwingFindings {
         settings: &SwingSettings,
         watch: &Watch<'_>,
     ) -> (Self, Vec<Walk>) {
+        // In walks a delay counts from the rows, as in a training, so the lead is left out.
         let mut rows: Vec<Trajectory> =
             logs.iter().map(|&log| Trajectory { lead: None, ..log.clone() }).collect();
+        // Angles that jump by a turn would be differentiated as huge velocities.
         rows.iter_mut().for_each(Trajectory::unwrap_wheels);
         let logs: Vec<&Trajectory> = rows.iter().collect();
         let logs = logs.as_slice();
@@ -102,6 +104,7 @@ impl SwingFindings {
             }
             corrected
         };
+        // Faults of sensors first: the tilt is measured on logs without them.
         let steady = better(&|log| sensors.corrected(log), logs);
         let steady: Vec<&Trajectory> = steady.iter().collect();
         let standing = Standing::new(model, &steady, settings.threads).unwrap_or_default();
@@ -116,6 +119,7 @@ impl SwingFindings {
             }
             Err(error) => (Vec::new(), Err(error)),
         };
+        // Several logs have the same faults; each is said once.
         taken_out.sort();
         taken_out.dedup();
         let (swings, why_not) = match swings {
@@ -210,6 +214,7 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
         by_strength: report.delay_by_strength,
         by_load: 0.0,
     });
+    // A strength that is hardly known would be a prior of no use.
     if report.strength.error < SURE_STRENGTH {
         numbers.push(SwingNumber {
             kind: JointParameter::TorqueScale.name(),
@@ -353,6 +358,7 @@ pub fn beside<'a>(
     // Value and standard error of the fitted friction under load of these joints.
     let load_of = |joints: &[String]| {
         let covers = |load: &&Fitted<'_>| {
+            // Friction under load covers all joints of a group, or it says nothing of the group.
             load.kind == JointParameter::LoadFriction.name()
                 && joints.iter().all(|joint| load.joints.contains(joint))
         };
@@ -360,6 +366,7 @@ pub fn beside<'a>(
     };
     let beside = |one: &Fitted<'a>| {
         let covers = |number: &&SwingNumber| {
+            // A number of all joints covers any entry; one of some joints must cover all of the entry's.
             number.kind == one.kind
                 && (number.joints.is_empty()
                     || (!one.joints.is_empty()
@@ -369,6 +376,7 @@ pub fn beside<'a>(
         let error = error_of(one);
         let Estimate { value, error: sure } = number.estimate;
         let (load, load_error) = load_of(one.joints);
+        // Swings assume full strength and no friction under load; the fit's own values are put in for both.
         let swings = Estimate {
             value: value + number.by_strength * (strength.value - 1.0) - number.by_load * load,
             error: sure.hypot(number.by_strength * strength.error).hypot(number.by_load * load_error),

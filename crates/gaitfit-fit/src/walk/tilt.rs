@@ -28,11 +28,14 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
     let Some(action) = &log.action else { return Vec::new() };
     let known = Given::from_log(log, 0);
     let unknown = known.missing(interface);
+    // With past frames or a memory several samples would be unknown together, and any policy could be made to
+    // fit.
     let remembers = policy.is_recurrent() || interface.observation.iter().any(|term| term.history > 1);
     if !unknown.contains(&Unknown { quantity: Quantity::ProjectedGravity, number: 0 }) || remembers {
         return Vec::new();
     }
     let joints = interface.joints.len();
+    // Each look costs a search, so only some samples are looked at.
     let every = ((EVERY_S / interface.control_dt).round() as usize).max(1);
     let mut search = Search::new(policy, spread);
     let clock = 0.0;

@@ -10,6 +10,7 @@ use gaitfit_policy::Interface;
 /// # Errors
 /// A message if the log names other joints than the policy.
 pub fn settle(log: &mut Trajectory, interface: &Interface) -> Result<(), String> {
+    // A log that names wheels must name the policy's, or targets in rad would be taken for rad/s.
     let stated = &log.velocity_joints;
     if !stated.is_empty() {
         if let Some(joint) = stated.iter().find(|joint| !interface.velocity_joints.contains(joint)) {

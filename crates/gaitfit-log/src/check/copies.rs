@@ -36,6 +36,7 @@ fn copies(findings: &mut Findings) {
     let copied = |joint: usize| -> Option<bool> {
         let column = log.column_at(Signal::Position, joint)?;
         // The deviation of what is huge and constant is not 0.
+        // So the range is asked as well as the deviation.
         let (low, high) = range(&column)?;
         let moves = deviation(&column);
         if moves.is_nan() || moves < MOVES || high - low < MOVES {

@@ -62,9 +62,11 @@ pub fn falls(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
     }
     let mut signs = of_base(log, spec);
     signs.extend(of_joints(log));
+    // It is stated for the end of the log, so the last sample is marked.
     if log.fell {
         signs.push(Fall { samples: log.len() - 1..log.len(), sign: FallSign::Stated });
     }
+    // Signs that overlap or nearly do become one fall; the earliest sign names it.
     signs.sort_by_key(|fall| (fall.samples.start, fall.sign));
     let apart = (BETWEEN_S * log.rate_hz).round() as usize;
     let mut falls: Vec<Fall> = Vec::new();

@@ -84,6 +84,7 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
     for run in runs(stuck) {
         let part = &windows[run];
         let joints: Vec<usize> = (0..findings.log.joints.len())
+            // Joints that do not follow in most windows in which they are asked to move.
             .filter(|&joint| {
                 let asked = part.iter().filter(|window| window.joints[joint].asked).count();
                 let held = part.iter().filter(|w| w.joints[joint].asked && !w.joints[joint].follows).count();
@@ -122,6 +123,7 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
 fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
     for joint in 0..findings.log.joints.len() {
         let held: Vec<bool> =
+            // A stuck robot is one finding, not one for each joint.
             windows.iter().zip(stuck).map(|(window, stuck)| !stuck && window.fails(joint)).collect();
         for run in runs(&held) {
             let part = &windows[run];
@@ -159,6 +161,7 @@ fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
         findings.add(FindingKind::Stuck, Severity::Warning, &[], Some(span), message);
     }
 
+    // A robot that rests far from its targets has no torque, or is held.
     let collapsed: Vec<bool> = windows.iter().map(Window::collapsed).collect();
     for run in runs(&collapsed) {
         let joints = windows[run.start].far(FAR);

@@ -49,6 +49,7 @@ fn named(reading: &Reading) -> (FindingKind, String) {
             .iter()
             .map(|(axis, sign)| {
                 let sign = if (*sign < 0.0) == reading.negated { "" } else { "−" };
+                // A negated reading turns all signs, so those of the axes are shown as the unit has them.
                 format!("{sign}{}", ["x", "y", "z"][*axis])
             })
             .collect();
@@ -101,6 +102,7 @@ fn percent(part: f64) -> String {
 /// Reads `log`'s inertial unit as `stated`, and as the data show it where they leave no doubt.
 /// Returns findings that say what was changed.
 pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
+    // Stated settings come first; the data decide only what is left open.
     if let Some(base) = &mut log.base {
         stated.apply(base);
     }
@@ -137,6 +139,7 @@ pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
 /// the data leave no doubt: as degrees they agree with the rates, and as radians they do not.
 /// Makes the orientation anew and returns a finding that says so.
 pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Finding> {
+    // Angles in degrees that are read as radians agree with no reading of the rates.
     let as_named =
         imu_fit::judge(log).filter(|verdict| verdict.as_named > APART && verdict.better.is_none())?;
     let mut mended = log.clone();
@@ -163,8 +166,10 @@ pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Fin
 
 /// `clock_is_right`: whether the joints show no other sample rate than the time column, by which rates are integrated.
 pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
+    // A log without a unit, or whose base hardly turns, cannot be judged.
     let Some(verdict) = imu_fit::judge(findings.log) else { return };
     if let Some((reading, left)) = verdict.better {
+        // The remedy depends on whether the settings can express the reading.
         let (kind, what) = named(&reading);
         let settings = reading.settings();
         let remedy = match (reading.base_axes(), reading.negated && !verdict.decided) {
@@ -185,6 +190,7 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
         findings.add(kind, Severity::Error, &[], None, message);
         return;
     }
+    // An orientation that stands still while rates do not is of another run, or not written.
     if verdict.as_named > APART && clock_is_right && verdict.rms[0] < STILL {
         let message = format!(
             "the orientation of the base does not change, and its rates (wx, wy, wz) are {} rad/s RMS: the orientation is not that \
@@ -206,6 +212,7 @@ pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
         findings.add(FindingKind::ImuMismatch, Severity::Error, &[], None, message);
         return;
     }
+    // Fine faults cannot be told where the clock is wrong or the signals do not belong together.
     if !clock_is_right || verdict.as_named > APART {
         return;
     }
@@ -257,14 +264,17 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
     let log = findings.log;
     let Some(base) = &log.base else { return false };
     let directions = gravity(base);
+    // A robot whose posture is not level may have gravity along another axis for good.
     if directions.len() < 2 || spec.posture.is_some_and(|posture| posture[2] > -ALONG) {
         return false;
     }
+    // The mean direction; its length tells how steady it is.
     let mut mean = [0.0; 3];
     for direction in &directions {
         (0..3).for_each(|k| mean[k] += direction[k] / directions.len() as f64);
     }
     let length = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // A lying robot may have the same direction, but its legs do not walk.
     let sways = directions.windows(2).map(|pair| {
         let change: f64 = pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum();
         change.sqrt()
@@ -301,10 +311,12 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
 /// Whether the base stands still in a window in which commands ask for walking and the legs swing.
 pub(super) fn hangs(log: &Trajectory, window: &Window) -> bool {
     let Some(base) = &log.base else { return false };
+    // A robot whose legs hardly move may simply stand.
     let swinging = window.joints.iter().filter(|joint| joint.motion > SWINGS).count();
     if window.command < COMMANDED || 2 * swinging < window.joints.len() || swinging < 2 {
         return false;
     }
+    // Samples that are not finite show no stillness.
     let part = |values: &Option<Vec<f64>>, width: usize| -> Option<Vec<f64>> {
         let values = values.as_ref()?.get(width * window.start..width * window.end)?;
         values.iter().all(|x| x.is_finite()).then(|| values.to_vec())

@@ -13,6 +13,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let missing: Vec<&String> = expected.iter().filter(|name| !recorded.contains(name)).collect();
     let extra: Vec<usize> =
         (0..log.joints.len()).filter(|&joint| !wanted.contains(&log.joints[joint])).collect();
+    // A joint under a longer or shorter name is likely the same one.
     let similar = |name: &&&String| {
         extra
             .iter()

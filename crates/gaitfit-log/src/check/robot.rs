@@ -8,9 +8,11 @@ impl CheckSpec {
     /// Joints and limits of `model`, each under the log's name of the joint where `log_joints` has it
     /// ([`Model::find_joint`]), else under the robot's.
     pub fn of_robot(model: &Model, log_joints: &[String]) -> CheckSpec {
+        // The log may use other names for the joints than the robot's file.
         let mut of_log: HashMap<usize, &String> = HashMap::new();
         for name in log_joints {
             if let Some(index) = model.find_joint(name) {
+                // If two columns are of one joint, the first counts.
                 of_log.entry(index).or_insert(name);
             }
         }

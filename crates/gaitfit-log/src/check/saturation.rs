@@ -54,6 +54,7 @@ pub(super) fn clipped(column: &[f64]) -> bool {
 
 fn torque(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
+    // Torques are known only with gains and targets.
     let (Some(gains), Some(_)) = (&log.gains, &log.target) else { return };
     let mut joints = Vec::new();
     let mut max = (0, 0.0);

@@ -24,6 +24,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
     let steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
     if let Some(&first) = backward.first() {
+        // Remedies differ: copies may go, late rows have values of their own.
         let width = log.joints.len();
         let row = |values: &[f64], row: usize| values[row * width..(row + 1) * width].to_vec();
         // Rows with the same time are copies, or were written late.
@@ -56,6 +57,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
     let ratio = typical * log.rate_hz;
     let mut clock_is_wrong = false;
     if (ratio - 1.0).abs() > RATE_ERROR {
+        // The velocities show which of the two clocks is right, the stated rate or the column.
         clock_is_wrong = velocity_over_derivative.is_some_and(|factor| equal(factor, ratio));
         let clock_is_right = velocity_over_derivative.is_some_and(|factor| equal(factor, 1.0));
         let hint = match ratio {
@@ -82,6 +84,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);
     }
 
+    // Gaps and jitter are apart: a lost sample must not count as jitter.
     let gaps: Vec<usize> = spacing.lost.iter().map(|lost| lost.after).collect();
     if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
         let severity =
@@ -100,6 +103,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::TimeGap, severity, &[], Some(longest..longest + 2), message);
     }
 
+    // In parts of the step, so that one limit serves all rates.
     let jitter = spacing.jitter / typical;
     if jitter > JITTER {
         let message = format!(
@@ -118,6 +122,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
 fn repeated_rows(findings: &mut Findings, typical: f64) {
     let log = findings.log;
     let width = log.joints.len();
+    // Equal rows in motion mean that the recorder was faster than the robot.
     let moving = super::stats::range(&log.velocity).is_some_and(|(low, high)| high > low);
     let repeats =
         |values: &[f64], i: usize| values[i * width..(i + 1) * width] == values[(i - 1) * width..i * width];

@@ -47,6 +47,7 @@ fn not_finite(findings: &mut Findings) {
     for signal in Signal::ALL {
         let Some(values) = log.signal(signal) else { continue };
         let bad: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_finite()).collect();
+        // One finding a signal, with all its joints, instead of one for each value.
         let (Some(first), Some(last)) = (bad.first(), bad.last()) else { continue };
         let mut joints: Vec<usize> = bad.iter().map(|i| i % width).collect();
         joints.sort_unstable();
@@ -63,6 +64,7 @@ fn not_finite(findings: &mut Findings) {
     let base = log.base.clone().unwrap_or_default();
     for (what, values, width, severity) in [
         ("command", &log.command, 3, Severity::Error),
+        // What the simulation needs is an error; what only some costs need is a warning.
         ("motion_time or motion_heading", &log.motion, 2, Severity::Error),
         ("base position", &base.position, 3, Severity::Warning),
         ("base orientation", &base.quaternion, 4, Severity::Warning),
@@ -96,11 +98,13 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 continue;
             };
             let Some((min, max)) = range(&column) else { continue };
+            // Values beyond the limit only count if the robot does not fall just then.
             let over = (low - min).max(max - high);
             if over > POSITION_SLACK {
                 let beyond = |q: f64| q < low - POSITION_IMPOSSIBLE || q > high + POSITION_IMPOSSIBLE;
                 impossible |= over > POSITION_IMPOSSIBLE && !falls(log, &column, beyond);
                 joints.push(joint);
+                // A joint at its stop with a torque on it bends a little.
                 at_stops &= hits_its_stop(log, joint, &column, [*low, *high]);
                 if worst.is_none_or(|(_, max)| over > max) {
                     worst = Some((joint, over));
@@ -133,6 +137,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 "compliance explains a little; check the joint's zero and the model's limits"
             }
         );
+        // Targets may lie beyond the limits on purpose, so they are a note at most.
         let severity = match signal {
             _ if impossible => Severity::Error,
             Signal::Position if !at_stops => Severity::Warning,
@@ -180,6 +185,7 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
         let Some((low, high)) = range(&column) else { continue };
         let ratio = high.max(-low) / limit;
         if ratio > 1.0 {
+            // As for positions: an impact in a fall may drive a joint that fast.
             let beyond = |speed: f64| speed.abs() > SPEED_IMPOSSIBLE * limit;
             impossible |= ratio > SPEED_IMPOSSIBLE && !falls(log, &column, beyond);
             joints.push(joint);
@@ -235,6 +241,7 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
             let column = log.column_at(Signal::Velocity, *joint).unwrap_or_default();
             range(&column).map_or(0.0, |(low, high)| high.max(-low))
         };
+        // One joint may turn far; most joints together do so only in another unit.
         let majority = joints.len() >= 2 && 2 * joints.len() > log.joints.len();
         let (severity, remedy) = if majority || joints.iter().any(|joint| speed(joint) > FASTER) {
             (
@@ -267,6 +274,7 @@ fn constant(findings: &mut Findings) {
         |test: &dyn Fn(usize) -> bool| -> Vec<usize> { (0..joints).filter(|&joint| test(joint)).collect() };
     let (position, velocity) = (columns(Signal::Position), columns(Signal::Velocity));
     let (target, action) = (columns(Signal::Target), columns(Signal::Action));
+    // "Asked" by a target that moves; a constant position is then a fault, not rest.
     let asked = |joint: usize| target.get(joint).is_some_and(|column| deviation(column) > MOVES);
     let moves = |joint: usize| range(&position[joint]).is_some_and(|(low, high)| high - low > MOVES);
 

@@ -28,6 +28,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
         joints.iter().filter(|(_, scale)| test(scale)).map(|(joint, _)| *joint).collect()
     };
 
+    // Signs first: a factor of a mirrored velocity means nothing.
     let flipped = pick(&|scale| scale.correlation < -SAME);
     if !flipped.is_empty() {
         let message = format!(
@@ -54,6 +55,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
         let together = pick(&|scale| scale.same() && with_it(scale));
         scaled(findings, &together, [shared, shared], far(shared), Some(shared));
     }
+    // Joints with a factor of their own point to units or gear ratios.
     let off: Vec<(usize, &Scale)> = joints
         .iter()
         .filter(|(_, scale)| scale.same() && !with_it(scale) && !scale.may_be(1.0))

@@ -142,7 +142,7 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
     if length < WINDOW_SAMPLES {
         return Vec::new();
     }
-    // The last window ends with the log.
+    // The last window ends with the log, where falls are.
     let last = count - length;
     let step = (length / 2).max(1);
     let mut windows: Vec<Window> = (0..last)
@@ -167,6 +167,7 @@ pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
         let q = column(Signal::Position).unwrap_or_default();
         let dq = column(Signal::Velocity).unwrap_or_default();
         let is_wheel = log.has_velocity_target(joint);
+        // The most direct wish that the log has: a speed, a target, or an action with a usual scale.
         let speeds = log.velocity_target(joint).map(thin).map(Wish::Velocity);
         let wish = speeds.or_else(|| column(Signal::Target).map(Wish::Target)).or_else(|| {
             let action = column(Signal::Action)?;
@@ -225,6 +226,7 @@ fn judge(
     if !joint.asked {
         return joint;
     }
+    // The answer is late by an unknown time, so each delay is tried.
     for lag in 0..=lags {
         // Near the end of the log the later samples of the answer are missing: compare what there is.
         let end = (range.end + lag).min(answers.len());

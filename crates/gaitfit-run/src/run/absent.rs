@@ -15,6 +15,7 @@ const ALIKE: f64 = 0.85;
 pub fn nothing_to_resume(runs: &Path, name: &str) -> Error {
     let place = runs.display();
     let start = "leave out --resume to start one";
+    // A folder may hold a run of another name, because `name` in its settings wins.
     if let Some(own) = own_name(&runs.join(name)).map(|own| shown(&own)) {
         return Error::settings(format!(
             "--resume: the folder {place}/{name} holds a run called `{own}`, by the `name` in its config.toml. Give --name \
@@ -23,6 +24,7 @@ pub fn nothing_to_resume(runs: &Path, name: &str) -> Error {
     }
     let mut names: Vec<(f64, String)> =
         names(runs).into_iter().map(|other| (strsim::jaro_winkler(&other, name), other)).collect();
+    // The nearest name first: a typing error is the usual reason.
     names.sort_by(|a, b| b.0.total_cmp(&a.0));
     let there = match names.first() {
         None => String::new(),

@@ -37,6 +37,7 @@ fn at(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
     let inner = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
     match (saved, wanted) {
         (Value::Table(saved), Value::Table(wanted)) => {
+            // Keys that were removed or changed come first, in the saved order; then keys that are new.
             for (key, value) in saved {
                 let difference = match wanted.get(key) {
                     Some(other) => at(&inner(key), value, other),
@@ -50,6 +51,7 @@ fn at(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
             Some(format!("`{}` was not set, now it is {}", inner(key), shown(value)))
         }
         (Value::Array(saved), Value::Array(wanted))
+            // Arrays of tables of equal length are compared entry by entry, so that the message names the entry.
             if saved.len() == wanted.len() && saved.iter().chain(wanted).all(Value::is_table) =>
         {
             let mut entries = saved.iter().zip(wanted).enumerate();

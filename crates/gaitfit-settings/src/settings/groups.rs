@@ -13,6 +13,7 @@ const SIDES: [&str; 22] = [
 /// Groups of joints by their names without the leg, each with exact names; `None` if the default groups contain all of
 /// the joints.
 pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
+    // The default groups are patterns for robots like the Go2.
     let defaults = AdaptConfig::default().groups;
     let patterns: Vec<_> = defaults
         .values()
@@ -26,6 +27,7 @@ pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
         return None;
     }
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    // A joint's name without its side or leg is the name of its group.
     for joint in joints {
         let key = key(joint);
         match groups.iter_mut().find(|(name, _)| *name == key) {

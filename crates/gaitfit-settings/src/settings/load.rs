@@ -27,6 +27,7 @@ pub trait Configuration: DeserializeOwned {
 /// Reads `path` (without one: the defaults) and applies `sets` (`a.b=c`; list entries by number,
 /// `parameter.0.upper=1`).
 pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
+    // A log or a robot in the place of a configuration gets a message of its own.
     if let Some(other) = path.and_then(no_configuration) {
         return Err(Error::settings(other));
     }
@@ -50,6 +51,7 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
         understand::<C>(table.clone()).map_err(located)?;
     }
     for (set, (key, line)) in sets.iter().zip(&values) {
+        // Checked after each `--set`, because each may make the table too large or wrong.
         apply(&mut table, set, key, line)?;
         let wrong = |wrong: &str| Error::settings(format!("--set {}: {wrong}", tamed(set, MAX_SET)));
         if let Some((large, _)) = too_large("", &table) {
@@ -125,6 +127,7 @@ fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::E
 /// of `over`.
 /// With `clear = true` a table leaves nothing of the one that it is laid upon.
 pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
+    // A `clear` that is no truth value is left, and is refused when the table is read.
     if matches!(over.get(CLEAR).map(Spanned::get_ref), Some(DeValue::Boolean(_))) {
         let clear = over.remove(CLEAR);
         if matches!(clear.as_ref().map(Spanned::get_ref), Some(DeValue::Boolean(true))) {
@@ -133,6 +136,7 @@ pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
     }
     for (key, mut value) in over {
         match under.get_mut(&key) {
+            // A new table may hold `clear` keys of its own, so it is laid upon an empty one.
             None => {
                 if let DeValue::Table(own) = value.get_mut() {
                     let changes = std::mem::take(own);
@@ -147,6 +151,7 @@ pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
                         merge(&mut inner, changes);
                         DeValue::Table(inner)
                     }
+                    // A table that replaces a value: again laid upon an empty one.
                     (_, DeValue::Table(changes)) => {
                         let mut inner = DeTable::new();
                         merge(&mut inner, changes);

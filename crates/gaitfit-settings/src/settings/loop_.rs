@@ -156,6 +156,7 @@ impl Configuration for LoopConfig {
     /// Lays the settings upon the defaults. A setting that the loop decides itself is put in their place, so that it is
     /// refused when the table is read.
     fn complete(table: &mut DeTable<'_>) {
+        // Taken out, because `table` is built anew from the defaults with the given settings upon them.
         let given = std::mem::take(table);
         for (section, keys) in DECIDED {
             let Some(DeValue::Table(inner)) = given.get(section).map(Spanned::get_ref) else { continue };
@@ -169,6 +170,7 @@ impl Configuration for LoopConfig {
             }
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+        // Of a simulated target the loop knows the period of the motor boards; logs do not state it.
         let logs = given.get("logs").map(Spanned::get_ref);
         let has_logs = matches!(logs, Some(DeValue::Array(logs)) if !logs.is_empty());
         if let Some(DeValue::Table(fitted)) =
@@ -190,6 +192,8 @@ impl Configuration for LoopConfig {
                 merge(fitted, short);
             }
         }
+        // The loop's own table of fine-tuning lies upon the defaults of fine-tuning, because it names only what
+        // differs.
         if let Some(finetune) = defaults.get_mut("finetune") {
             let mut whole = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
             let span = finetune.span();

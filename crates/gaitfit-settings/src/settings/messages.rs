@@ -68,6 +68,7 @@ const KEYS_OF_LOOPS: [&str; 3] = ["held_out", "rounds", "improvement"];
 /// Names the command for a configuration whose key `unknown` the present command lacks: `known` are the
 /// present command's keys.
 fn meant_for(unknown: &str, known: &[&str]) -> Option<&'static str> {
+    // The keys of the present command tell which command it is.
     let trains = known.contains(&"ppo");
     let (loops, fits) = (known.contains(&"finetune"), known.contains(&"parameter"));
     if fits && KEYS_OF_LOOPS.contains(&unknown) {

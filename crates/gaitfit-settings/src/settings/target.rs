@@ -181,6 +181,7 @@ impl TargetConfig {
         if let Err(wrong) = check_torque_noise("target.torque_noise", self.torque_noise) {
             return Some(wrong);
         }
+        // Ranges first, then settings that belong to another kind of target.
         let wrong = if self.trajectories == 0 || self.trajectories > 100_000 {
             "`target.trajectories` must be 1 to 100000"
         } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
@@ -229,6 +230,7 @@ impl TargetConfig {
     /// Names a fault of a robot's link or walks, in words.
     fn wrong_link(&self) -> Option<String> {
         let real = self.kind == TargetKind::Robot;
+        // There is no pause after the last trajectory.
         let length = self.trajectories as f64 * (self.seconds + self.pause) - self.pause;
         let wrong = if real && self.interface.is_empty() {
             "`target.interface` is missing: the network interface to the robot, for example \"eth0\"; \"lo\" for a \
@@ -238,6 +240,7 @@ impl TargetConfig {
             "`target.robot`, `target.interface` and `target.domain` are for kind = \"robot\""
         } else if self.domain > 232 {
             "`target.domain` must be 0 to 232; robots are in 0, simulators in 1"
+        // Domain 0 is where real robots are, so nothing may make a run less careful there.
         } else if real && self.domain == 0 && self.yes {
             "`target.yes` is for simulators only, which are in another domain than 0: before a robot moves a person types a \
              word"

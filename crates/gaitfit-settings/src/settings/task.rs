@@ -131,6 +131,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
     // An unknown name is refused when the table is read, with its place.
     let text = preset(name).or_else(|| preset(TaskName::default().name())).unwrap_or_default();
     let parsed = || DeTable::parse(text).map(Spanned::into_inner).unwrap_or_default();
+    // The robot is not known yet, so both readings are prepared: on the Go2, and on another robot.
     let missing: Vec<&str> = missing(&given);
     let mut fields = DeTable::new();
     if missing.is_empty() {
@@ -223,11 +224,13 @@ pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings
     if let Some((wrong, place)) = too_large("", &given) {
         return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(&text, place))));
     }
+    // A configuration of a training has the task in a table.
     if let Some(DeValue::Table(task)) = given.get_mut("task").map(Spanned::get_mut) {
         given = std::mem::take(task);
     }
     let base = given.remove("base");
     let under = match base.as_ref().map(|base| (base.span(), base.get_ref().as_str())) {
+        // A file with all settings needs nothing below it.
         None => match whole(given.clone()) {
             Ok(settings) => return Ok(settings),
             Err(_) => DeTable::parse(under),
@@ -241,6 +244,7 @@ pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings
                 )));
             };
             let missing = missing(&given);
+            // Pose, gains and contacts of a built-in task are the Go2's own.
             if robot::is_go2(model) {
                 DeTable::parse(built_in)
             } else if missing.is_empty() {

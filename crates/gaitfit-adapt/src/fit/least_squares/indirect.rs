@@ -154,6 +154,7 @@ pub fn correct(
     let loss = Loss::new(&here.residuals);
     let silent = silent(problem.theta, &here, loss, problem.simulator.threads());
     let entries = problem.theta.entries().iter().zip(silent);
+    // Values that the logs do not show, or that no simulated robot has, cannot be corrected.
     let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
     let Some((reference, real)) = further(problem, values, here, loss, &moving)? else {
         return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
@@ -161,6 +162,7 @@ pub fn correct(
     match (Inference { problem, world, fitted: values, values: &reference, loss, moving, real, replicates })
         .rounds()
     {
+        // A cancelled run may also end with an error of its own; being cancelled comes first.
         _ if (problem.cancel)() => Err(FitError::Cancelled),
         Err(Failure::Fit(error @ FitError::Cancelled)) => Err(error),
         Err(Failure::Fit(error)) => Ok(Err(format!("A comparison with simulated logs failed: {error}."))),
@@ -294,10 +296,13 @@ impl Inference<'_> {
 
     /// The correction by `rounds`. Those with the numbers `far` were far from the estimate.
     fn correction(&self, rounds: Vec<Round>, far: &[usize], response: &Response) -> Correction {
+        // Rounds far from the estimate taught the response only; the numbers of the estimate come from the last
+        // near ones.
         let entries = self.problem.theta.entries().iter().enumerate();
         let robot = response.robot_of(self.values);
         let near = rounds.iter().enumerate().filter(|(number, _)| !far.contains(number));
         let last: Vec<&Round> = near.map(|(_, round)| round).rev().take(LAST).collect();
+        // Entries that did not move keep the fit's value: no round has tried to correct them.
         let corrected = entries.map(|(at, entry)| {
             if self.moving[at] { robot[at].clamp(entry.lower, entry.upper) } else { self.fitted[at] }
         });

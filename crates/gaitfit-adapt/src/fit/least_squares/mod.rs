@@ -179,9 +179,11 @@ impl GaussNewton {
     ) -> Stepped {
         let Slopes { here, loss, normal, free } = slopes;
         let before = loss.mean(&here.residuals);
+        // Losses decide, not costs: steps minimise the robust loss, and the cost is only reported.
         let losses = tried.iter().enumerate().filter_map(|(at, one)| Some((at, loss.mean(one.as_ref()?))));
         let lowest = losses.min_by(|a, b| a.1.total_cmp(&b.1));
         let costs: Vec<f64> = tried.iter().flatten().map(|one| one.cost).collect();
+        // Falls at the present point count as well, so that the report shows what the step was made of.
         let residuals = tried.iter().flatten().chain([&here.residuals]);
         let (fallen, falls) = residuals
             .fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
@@ -196,6 +198,8 @@ impl GaussNewton {
             falls,
         };
         let accepted = lowest.filter(|(_, lowest)| *lowest < before * (1.0 - PROGRESS));
+        // A step, then the three ways in which there is none: nothing free to move, no way down, or too long a
+        // step.
         match accepted.and_then(|(at, _)| Some((at, tried[at].as_ref()?))) {
             Some((at, residuals)) => {
                 let Trial { damping, values } = &trials[at];
@@ -263,6 +267,7 @@ pub(super) fn step(
         searches.iter().map(|(search, problem)| (*problem, search.values.as_slice())).collect();
     let around = around_all(&points)?.into_iter().zip(&points);
     let slopes: Vec<Option<Slopes>> =
+        // A search whose present point diverges has no slopes and no trials, but keeps its place in the list.
         around.map(|(here, (problem, values))| Some(Slopes::new(problem, values, here?))).collect();
     let trials: Vec<Vec<Trial>> = searches
         .iter()
@@ -271,6 +276,7 @@ pub(super) fn step(
             slopes.as_ref().map_or_else(Vec::new, |slopes| search.trials(problem.theta, slopes))
         })
         .collect();
+    // Values are copied out of the trials, because `residuals` takes plain lists of candidates.
     let candidates: Vec<Vec<Vec<f64>>> =
         trials.iter().map(|trials| trials.iter().map(|one| one.values.clone()).collect()).collect();
     let asked: Vec<(Problem<'_>, &[Vec<f64>])> =

@@ -155,6 +155,7 @@ impl Normal {
             for (number, column) in row.iter_mut().zip(&jacobian.columns) {
                 *number = f64::from(column[recording][at]);
             }
+            // `rest` shrinks by a row of the triangle each round, so no index is computed in the inner loop.
             let mut rest = lower.as_mut_slice();
             for (i, slope) in slope.iter_mut().enumerate() {
                 let weighted = weight * row[i];
@@ -195,6 +196,7 @@ impl Normal {
     /// The step that lowers the loss of the local quadratic model most, with `damping` times the diagonal added
     /// (Marquardt 1963), entries that are not `free` held; `None` where the equations cannot be solved.
     pub fn step(&self, damping: f64, free: &[bool]) -> Option<DVector<f64>> {
+        // Copies: trials with other dampings use the same equations.
         let mut matrix = self.curvature.clone();
         let mut slope = self.slope.clone();
         let largest = matrix.diagonal().iter().copied().fold(0.0, f64::max);

@@ -104,6 +104,7 @@ pub fn answers<W: World + ?Sized>(
     let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
     let answer = |logs: &Replicate| {
         let problem = Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..problem };
+        // Only the size of the differences is wanted: one simulation instead of one and two for each entry.
         let Some(Slope { loss, moving }) = &question.step else {
             let residuals = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
             let left = residuals.map(|residuals| Loss::new(&residuals).bulk()).ok_or_else(diverged)?;
@@ -118,6 +119,7 @@ pub fn answers<W: World + ?Sized>(
     let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
     // A step simulates the values and two neighbours of each entry.
     let candidates = 2 * problem.theta.len() + 1;
+    // The threads are divided: each set of logs compares with its share of them.
     let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
     let at_once = logs.first().map_or(1, |logs| Problem::at_once(logs.cost.as_ref(), candidates));
     let at_once = at_once.min(threads);

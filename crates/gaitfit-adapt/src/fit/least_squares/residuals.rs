@@ -72,6 +72,7 @@ impl Problem<'_> {
     pub(super) fn derivatives(&self, values: &[f64]) -> Result<Option<Vec<Column>>, FitError> {
         let differences = self.differences()?;
         let (count, entries) = (self.simulator.recordings(), self.theta.len());
+        // Slopes arrive in any order from several threads, so each has its slot.
         let columns: Mutex<Vec<Vec<Option<Vec<f32>>>>> = Mutex::new(vec![vec![None; count]; entries]);
         let failed = Mutex::new(None);
         let consume = |entry: usize, recording: usize, slopes: Signals<'_>| match differences
@@ -89,11 +90,13 @@ impl Problem<'_> {
             return Ok(None);
         }
         match failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            // Not finite: the caller takes differences of simulations instead.
             Some(error) if error.is_candidate_failure() => return Ok(None),
             Some(error) => return Err(FitError::Cost(error)),
             None => {}
         }
         let columns = columns.into_inner().unwrap_or_else(PoisonError::into_inner);
+        // A missing slot means that the simulator left a simulation out.
         let whole = |column: Vec<Option<Vec<f32>>>| column.into_iter().collect::<Option<Column>>();
         let columns = columns.into_iter().map(whole).collect::<Option<Vec<_>>>();
         columns.map(Some).ok_or(FitError::Incomplete)

@@ -41,6 +41,7 @@ impl Response {
     /// numbers that are not finite.
     pub fn learnt(rounds: &[Shown], scale: &[f64]) -> Option<Self> {
         let scale = DVector::from_column_slice(scale);
+        // In units of the deviations, so that one ridge fits all entries.
         let scaled = |numbers: &[f64]| DVector::from_column_slice(numbers).component_div(&scale);
         let robots: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.robot)).collect();
         let fits: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.fit)).collect();
@@ -50,6 +51,7 @@ impl Response {
             robots.iter().map(|robot| 1.0 / (1.0 + (robot - last).norm_squared())).collect();
         let sum_of_weights: f64 = weights.iter().sum();
         let entries = scale.len();
+        // Means are weighted like the rounds, because the regression is about them.
         let middle = |of: &[DVector<f64>]| {
             of.iter()
                 .zip(&weights)
@@ -63,6 +65,7 @@ impl Response {
             noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + MIN_NOISE.powi(2);
         // The response beyond one to one, times the differences of robots. The ridge is the variance of the fits
         // over that of the answer: what a normal prior of deviation DOUBT amounts to.
+        // Only the part beyond the identity is learnt, so that no data means an answer of one to one.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
         for ((one, its), weight) in robots.iter().zip(&fits).zip(&weights) {
@@ -77,6 +80,7 @@ impl Response {
         // By singular values, so that no answer is taken for smaller than MIN_ANSWER.
         let parts = learnt.svd(true, true);
         let (left, right) = (parts.u?, parts.v_t?);
+        // The weakest direction is where a change of the robot is seen least.
         let (min, part) = parts.singular_values.argmin();
         let weakest = (part, right.row(min).transpose());
         let values = parts.singular_values.map(|value| 1.0 / value.max(MIN_ANSWER));

@@ -54,6 +54,7 @@ pub fn sensitivity(
     let squares: f64 = residuals.recordings.iter().flatten().map(|one| f64::from(*one).powi(2)).sum();
     // Each fitted entry takes away the errors of one number.
     let rms = (squares / numbers.saturating_sub(values.len()).max(1) as f64).sqrt();
+    // The caller may know better how far a fitted simulator stays from logs.
     let difference = difference.unwrap_or(rms);
     let together = together(&residuals, jacobian.width);
     let variance = difference * difference * together;
@@ -91,6 +92,7 @@ pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
     });
     let eigen = SymmetricEigen::new(scaled);
     let min = MIN_EFFECT * eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
+    // A pseudo-inverse: directions without an effect are left out, and every entry with a part in one is unknown.
     let (mut identified, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
     for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value > min {
@@ -102,12 +104,14 @@ pub(super) fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
                 .for_each(|(identified, part)| *identified &= part.abs() < SHARE);
         }
     }
+    // Back to the entries' units.
     let row = |i: usize| (0..count).map(|j| total[(i, j)] * scale[i] * scale[j]).collect();
     (0..count).map(|i| if identified[i] { row(i) } else { Vec::new() }).collect()
 }
 
 /// Neighbouring samples that count as one, at least 1.
 fn together(residuals: &Residuals, width: usize) -> f64 {
+    // Correlation of differences so many samples apart, recordings not mixed.
     let product = |apart: usize| -> f64 {
         let product = |one: &Vec<f32>| -> f64 {
             let later = one.get(apart * width..).unwrap_or_default();

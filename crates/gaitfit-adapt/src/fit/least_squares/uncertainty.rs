@@ -82,12 +82,16 @@ pub fn uncertainty(
     }
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
+        // An alternative that diverges at these values says nothing.
         let Some(residuals) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
+        // The Jacobian is this simulator's: the other one only moves the residuals, at the price of one
+        // simulation.
         let slope = Normal::whole(&here.jacobian, &residuals, loss, problem.simulator.threads()).slope;
         if let Some(by) = estimate.step(&(slope - &estimate.whole.slope)) {
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
     }
+    // Intervals are then those of the corrected values, around them.
     if let Some(correction) = correction {
         shifts.push(Shift { what: "a part of the correction".to_owned(), by: correction.doubt() });
         estimate.values = &correction.corrected;
@@ -179,6 +183,7 @@ impl<'a> Estimate<'a> {
         for (at, column) in half.column_iter().enumerate() {
             covariance.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
         }
+        // The correction turns errors of the fit into errors of the robot's values.
         if let Some(response) = &self.response {
             covariance = response * covariance * response.transpose();
         }
@@ -189,6 +194,7 @@ impl<'a> Estimate<'a> {
                 // Half of the range: two deviations reach from bound to bound.
                 0.25 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower).powi(2)
             } else {
+                // Held at its bound it has no part in the joint equations, so it is judged alone.
                 self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)
             };
             self.inflation * variance.max(0.0).sqrt()
@@ -201,6 +207,7 @@ impl<'a> Estimate<'a> {
         let model = |at: usize| shifts.iter().map(|shift| shift.by[at].powi(2)).sum::<f64>();
         let deviation: Vec<f64> =
             sampling.iter().enumerate().map(|(at, one)| (one * one + model(at)).sqrt()).collect();
+        // Pieces of logs are few, so the quantile is Student's.
         let quantile = stats::student_t_95(parts.len().saturating_sub(1).max(1));
         let entries = self.theta.entries().iter().zip(self.values).zip(&deviation).zip(&self.silent);
         let interval = entries.map(|(((entry, value), one), silent)| {
@@ -226,11 +233,13 @@ impl<'a> Estimate<'a> {
         let one = |draw: usize| {
             let draws = stream.environment(place(draw));
             let mut drawn = Normal::zero(self.values.len());
+            // The bootstrap: as many pieces as there are, drawn with replacement.
             for k in 0..parts.len() {
                 let at = draws.step(0).uniform(place(k)) * parts.len() as f64;
                 drawn.add(&parts[(at as usize).min(parts.len() - 1)]);
             }
             let step = self.solve(&drawn.curvature, &(&drawn.slope - &self.whole.slope));
+            // Equations that cannot be solved leave the values where they are.
             let step = DVector::from_vec(step.unwrap_or_else(|| vec![0.0; self.values.len()]));
             let step = self.response.as_ref().map_or_else(|| step.clone(), |response| response * &step);
             let entries = self.theta.entries().iter().zip(self.values).zip(step.iter()).enumerate();

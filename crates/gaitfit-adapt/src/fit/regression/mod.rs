@@ -180,8 +180,10 @@ fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimat
         Ok(walked.into_iter().flatten().collect::<Vec<_>>())
     };
     let numbers = &source.logs.numbers;
+    // Robots with both sets of values walk, so that their distances from the real logs can be compared.
     let of_corrected = walk(&vec![corrected.clone(); WITH_VALUES])?;
     let of_found = walk(&vec![values.to_vec(); WITH_VALUES])?;
+    // For the likeness robots need the scatter that the prediction's errors make.
     let with_errors = source.with_errors(&corrected, together, WITH_ERRORS);
     let likeness = Likeness::new(numbers, &walk(&with_errors)?);
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());

@@ -40,6 +40,7 @@ pub fn with_priors(
         |at: usize| stats::mean(&left[at].iter().map(|one| one * one).collect::<Vec<_>>()).map(f64::sqrt);
     let sizes: Vec<f64> = (0..count).map(size).collect::<Option<_>>()?;
     // Correlations: the covariance in units of the deviations.
+    // `INDEPENDENT` on the diagonal keeps the matrix invertible if errors go together completely.
     let correlations = DMatrix::from_fn(count, count, |a, b| {
         if a == b {
             return 1.0 + INDEPENDENT;
@@ -49,10 +50,12 @@ pub fn with_priors(
         let correlation = product / (sizes[a] * sizes[b]);
         if correlation.is_finite() { correlation.clamp(-1.0, 1.0) } else { 0.0 }
     });
+    // Without priors the product is the first density itself.
     if theta.priors().all(|prior| prior.is_none()) {
         let factor = factor(&correlations)?;
         return Some(Posterior { values: values.to_vec(), deviations: deviations.to_vec(), factor });
     }
+    // From here on all is in units of the deviations, about `values`.
     let mut precision = correlations.cholesky()?.inverse();
     let mut pull = DVector::<f64>::zeros(count);
     // In units of the deviations a prior is one more equation with an error of 1. It holds the value less what
@@ -74,6 +77,7 @@ pub fn with_priors(
         precision += &row * row.transpose();
         pull += apart * row;
     }
+    // Precisions and pulls of all sources add up; their inverse is the posterior's covariance.
     let covariance = precision.cholesky()?.inverse();
     let moved = &covariance * pull;
     let value = |at: usize| values[at] + deviations[at] * moved[at];

@@ -100,6 +100,7 @@ impl Robots {
     /// A ridge regression shrinks its predictions towards the mean. Leave-one-out predictions show by how much: their slope
     /// on the true values is below 1. Predictions are divided by this slope if it is above [`MIN_SLOPE`].
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Prediction>> {
+        // In the dual form the matrix has one row a robot instead of one a number, of which there are far more.
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
         let SymmetricEigen { eigenvectors: vectors, mut eigenvalues } = kernel.symmetric_eigen();
         // A kernel has no negative eigenvalues; these are rounding.
@@ -112,6 +113,7 @@ impl Robots {
         let values = DMatrix::from_fn(count, entries, |robot, entry| self.values[robot][entry]);
         let means = values.row_mean();
         let wanted = DMatrix::from_fn(count, entries, |robot, entry| values[(robot, entry)] - means[entry]);
+        // In the eigenvectors' basis each penalty costs only a division.
         let turned = vectors.transpose() * &wanted;
         let squared = vectors.map(|one| one * one);
         let scaled =
@@ -131,6 +133,7 @@ impl Robots {
         let penalties: Vec<f64> =
             PENALTIES.map(|power| largest * 10f64.powf(0.5 * f64::from(power))).collect();
         let tried: Vec<DMatrix<f64>> = penalties.iter().map(|&penalty| left_out(penalty)).collect();
+        // Each value has a penalty of its own: some need many numbers, others few.
         let of_entry = |entry: usize| {
             let size = |at: &usize| tried[*at].column(entry).norm_squared();
             let best = (0..tried.len()).min_by(|a, b| size(a).total_cmp(&size(b)))?;

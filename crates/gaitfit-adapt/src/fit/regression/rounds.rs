@@ -198,6 +198,7 @@ impl Rounds<'_> {
         round: usize,
     ) -> Result<(Drawn, Posteriors), NoEstimate> {
         let because = |reason: &str| NoEstimate::Because(reason.to_owned());
+        // Each robot of all rounds has a number, and with it random draws of its own.
         let walked = self.walk(&drawn, round * self.each)?;
         let count = walked.iter().flatten().count();
         if (count as f64) < WALKING * self.each as f64 {
@@ -206,6 +207,7 @@ impl Rounds<'_> {
         }
         let mut near = robots.between(&lower, &upper);
         for (values, logs) in drawn.into_iter().zip(walked) {
+            // A robot that fell has no distributions to learn from.
             let Some(logs) = logs else { continue };
             for robots in [&mut *robots, &mut near] {
                 robots.values.push(values.clone());

@@ -53,6 +53,7 @@ pub fn held_out(
     let blocks = blocks(logs.iter().map(|log| log.trajectory.len()), skip, length.max(1));
     let recorded: Option<Vec<Predicted>> = logs.iter().map(|log| recorded(log, &joints)).collect();
     let Some(recorded) = recorded.filter(|_| !blocks.is_empty()) else { return Ok(None) };
+    // Logs and walks are cut at the same places, so that blocks stand for the same commands.
     let cut = |walks: &[Predicted]| -> Vec<Predicted> {
         blocks.iter().map(|block| block.cut(&walks[block.log], count)).collect()
     };
@@ -60,6 +61,7 @@ pub fn held_out(
     let Some(cost) = cost_against(&recorded_blocks, &joints, set) else { return Ok(None) };
     let (reference, cost) = (&cost.0, cost.1.as_ref());
     let simulations = simulations(method, set) as u64;
+    // A robot that falls by chance needs several walks before its falls can be counted.
     let walk = |(set, robot): (&LogSet, Robot<'_>)| -> Result<Vec<Vec<Predicted>>, Error> {
         let drawn = |draw| {
             let walk = robot.simulate_drawn(set.simulator.as_ref(), Resets::Never, draw, cancel)?;
@@ -74,6 +76,7 @@ pub fn held_out(
         (falls as f64 / simulations as f64).round() as usize
     };
     let (falls, nominal_falls) = (falls(&after), falls(&before));
+    // Trials compare whole walks, so they are taken before the walks are cut.
     let trials = trials(set, fitted_logs, &joints, skip, [&recorded, &after[0]]);
     let all: Vec<usize> = (0..blocks.len()).collect();
     let cut_all = |walks: &[Vec<Predicted>]| walks.iter().map(|walk| cut(walk)).collect::<Vec<_>>();
@@ -83,6 +86,7 @@ pub fn held_out(
     };
     let (fitted, nominal) = (compared(&after), compared(&before));
     let logs_of: Vec<usize> = blocks.iter().map(|block| block.log).collect();
+    // The distance of the robot from itself, by halves of its blocks.
     let (floor, drawn) = floor(cost, &recorded_blocks, &after, &logs_of);
     let compared = |log: usize| blocks.iter().any(|block| block.log == log);
     Ok(Some(HeldOut {
@@ -183,6 +187,7 @@ fn trials(
     let other: Vec<Predicted> = pairs.iter().map(other).collect::<Option<_>>()?;
     let (_, cost) = cost_against(&logged, joints, set)?;
     let all: Vec<usize> = (0..logged.len()).collect();
+    // Pooled over all pairs, and the mean of single pairs: a robot can be right on the whole and wrong in each.
     let distances = |walks: &[Predicted]| -> Option<[f64; 2]> {
         let pooled = total(&chosen_blocks(cost.as_ref(), walks, &all))?;
         let one = |log: usize| total(&chosen_blocks(cost.subset(&[log])?.as_ref(), walks, &[log]));
@@ -263,17 +268,20 @@ fn floor(
     logs: &[usize],
 ) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
+    // Too few blocks have no halves that are alike.
     for draw in (0..DRAWS).take_while(|_| recorded.len() >= MIN_BLOCKS) {
         let (one, other) = halves(draw, logs);
         let Some(against) = cost.subset(&one) else { break };
         drawn.extend(chosen_blocks(against.as_ref(), recorded, &other));
         let simulated = after.iter().map(|walk| total(&chosen_blocks(against.as_ref(), walk, &other)));
+        // Only draws in which the fitted robot could be compared count for it.
         fitted.extend(mean(simulated));
     }
     let totals: Vec<f64> = drawn.iter().map(|breakdown| breakdown.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
         mean,
         range95: RANGE * deviation,
+        // A mean over other draws could not be set beside the robot's own.
         cost: stats::mean(&fitted).filter(|_| fitted.len() == drawn.len()),
     });
     (floor, drawn)
@@ -293,6 +301,7 @@ fn distances(
     for signal in [Signal::Position, Signal::Velocity, Signal::Action] {
         let dimensions = reference.dimensions(signal).unwrap_or_default();
         for (joint, (name, dimension)) in reference.joints().iter().zip(dimensions).enumerate() {
+            // Constant dimensions have no scale and are not shown.
             let Some(scale) = dimension.scale else { continue };
             let relative = |breakdown: &Option<Breakdown>| {
                 breakdown

@@ -105,6 +105,7 @@ pub enum Verdict {
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
+        // First what rules a fit out, then trials of the same commands, then the floor.
         // A robot whose simulation diverges is no better than the one before the fit.
         let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
@@ -118,6 +119,7 @@ impl HeldOut {
         }
         let Some(floor) = &self.floor else { return Verdict::Unknown };
         let upper = floor.mean + floor.range95;
+        // The part of the nominal robot's excess that the fit leaves.
         let left = |cost: f64| {
             self.nominal_cost
                 .is_some_and(|nominal| cost - floor.mean > LEFT * (nominal - floor.mean).max(0.0))
@@ -159,6 +161,7 @@ impl HeldOut {
         let nominal = format!("the robot before the fit {}", number(self.nominal_cost));
         let logs = format!("{} held-out log{}", self.logs, if self.logs == 1 { "" } else { "s" });
         let verdict = self.verdict();
+        // Worst first, in the order of `verdict`.
         if verdict == Verdict::WorseThanNominal {
             return format!(
                 "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",

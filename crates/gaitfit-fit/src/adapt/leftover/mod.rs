@@ -148,6 +148,7 @@ pub(super) fn leftover(
     };
     // A search that was left early must not look like a simulator that lacks something.
     let end = descend(problem, values, STEPS, TOLERANCE).map_err(Error::failed)?;
+    // The better of the two ends is examined.
     let (end, min) = end.filter(|(_, min)| *min < cost).unwrap_or((values.to_vec(), cost));
     let Some(unexplained) = unexplained(problem, &end).map_err(Error::failed)? else { return Ok(None) };
     let mut left = Leftover {
@@ -160,6 +161,7 @@ pub(super) fn leftover(
         audit: None,
         suspect: None,
     };
+    // Tried before the others, because it decides whether the step is tried; weighed last.
     let smooth = ramped(setup, number, problem, &end)?;
     let explains = smooth.as_ref().is_some_and(|suspect| better(None, suspect.clone(), min).is_some());
     // The step comes first: it is no property of the robot, and smooth targets also shorten the simulation's steps.
@@ -168,6 +170,7 @@ pub(super) fn leftover(
     {
         left.suspect = better(left.suspect, suspect, min);
     }
+    // Errors that forget are sensor noise, which no parameter explains.
     if left.remembers() {
         let robot = Robot { theta: &setup.theta, values: &end };
         let predicted = robot.simulate(problem.simulator, compared.resets())?;

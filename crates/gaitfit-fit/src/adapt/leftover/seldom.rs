@@ -28,6 +28,7 @@ pub(super) fn ramped(
     let parts = ((step / FINE_S - 0.01).ceil().max(1.0) as usize).min(MAX_PARTS);
     let mut logs = setup.fit.logs.clone();
     let mut seldom = false;
+    // Each log is simulated in finer steps, with targets on a curve instead of a staircase.
     for log in &mut logs {
         let mut fine = finer(&log.trajectory, parts);
         let (width, longest) = (fine.joints.len(), (HELD_S / fine.dt()) as usize);
@@ -35,13 +36,16 @@ pub(super) fn ramped(
         if let Some(target) = fine.target.as_mut() {
             ramp(target, width, longest);
         }
+        // Logs whose targets never stay still for some rows already have every target.
         seldom |= fine.target != held;
+        // Samples that were filled in are counted in rows of the coarse log.
         log.filled.clear();
         log.trajectory = fine;
     }
     if !seldom || step > HELD_S {
         return Ok(None);
     }
+    // In the scaling of the fit, so that both costs can be compared.
     let set = LogSet::new(&setup.config, &setup.method, &setup.base, logs)?.scaled_as(&setup.fit);
     let costs = set.costs(&setup.config)?;
     let problem = Problem { simulator: set.simulator.as_ref(), cost: costs[number].as_ref(), ..problem };
@@ -72,6 +76,7 @@ fn finer(log: &Trajectory, parts: usize) -> Trajectory {
     let mut target = Vec::with_capacity(rows * width);
     for row in 0..rows {
         let (from, part) = (row / parts * width, (row % parts) as f64 / parts as f64);
+        // On a row of the log itself no next row is needed, and at the end there is none.
         let next = if part > 0.0 { from + width } else { from };
         for joint in 0..width {
             let q = |at: usize| log.position[at + joint];
@@ -117,6 +122,7 @@ fn ramp(target: &mut [f64], width: usize, longest: usize) {
             let ((row, value), (end, next)) = (knots[at - 1], knots[at + 1]);
             (next - value) / (end - row) as f64
         };
+        // Targets that are held for long stay steps: there the robot waits.
         for at in (0..knots.len()).filter(|at| short(*at)) {
             let ((row, held), (end, next)) = (knots[at], knots[at + 1]);
             let length = (end - row) as f64;

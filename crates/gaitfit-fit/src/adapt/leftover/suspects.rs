@@ -101,6 +101,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
     ];
     let fitted_number = |kind: RobotNumber| setup.config.number.iter().any(|rule| rule.kind == kind);
     let fitted = |kind: JointParameter| setup.config.parameter.iter().any(|rule| rule.kind == kind);
+    // Only parameters that the fit does not have can explain what it leaves.
     let open = |mut one: Suspicion| {
         one.rules.retain(|rule| !fitted(rule.kind));
         one.numbers.retain(|rule| !fitted_number(rule.kind));
@@ -118,6 +119,7 @@ impl Suspicion {
         values: &[f64],
     ) -> Result<Option<Suspect>, Error> {
         let Ok(theta) = beside(setup, self.rules, self.numbers) else { return Ok(None) };
+        // Fitted parameters begin where the fit ended, new ones at their start.
         let fitted = setup.theta.entries();
         let place = |name: &str| fitted.iter().position(|entry| entry.name == name);
         let start: Vec<f64> = theta
@@ -135,6 +137,7 @@ impl Suspicion {
             cost,
             moved: values.to_vec(),
         };
+        // The result is split: how far the fit's values move, and the values of the new ones.
         for (entry, value) in theta.entries().iter().zip(&end) {
             match place(&entry.name) {
                 Some(at) => suspect.moved[at] = *value,

@@ -66,6 +66,7 @@ impl Helper {
     /// A task of another fit or version, a simulation that fails, [`FitError::Cancelled`].
     pub fn work(&self, task: &[u8], cancel: &Cancel<'_>) -> Result<Vec<u8>, FitError> {
         let Task { simulator, values, work } = read(task)?;
+        // One lock for the whole task: θ is borrowed from it.
         let mut with_springs = self.with_springs.lock().unwrap_or_else(PoisonError::into_inner);
         let nothing = Theta::default();
         let theta = match values {
@@ -104,6 +105,7 @@ impl Helper {
                 let Some(replicas) = &self.setup.replicas else { return Err(unknown()) };
                 bytes(&match replicas.answer(&self.setup, number, problem, &question, set) {
                     Ok(comparison) => Answered::Compared(comparison),
+                    // A reason is an answer; only an interruption or a broken task is an error.
                     Err(Failure::Fit(FitError::Cancelled)) => return Err(FitError::Cancelled),
                     // As the fit says it of its own.
                     Err(Failure::Fit(error)) => {

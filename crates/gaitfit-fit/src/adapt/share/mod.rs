@@ -59,7 +59,9 @@ impl Setup {
         let costs = self.costs.iter().map(|cost| cost.name().to_owned()).collect();
         let entries = self.theta.entries().iter().map(|entry| entry.name.clone()).collect();
         let shares = Shares { crew, costs, entries };
+        // Number 0 is the search's own simulator; alternatives follow.
         let share = |local, number| Box::new(Shared { local, number, shares: shares.clone() });
+        // Only one of the two sets is searched.
         match self.several.take() {
             Some(set) => self.several = Some(LogSet { simulator: share(set.simulator, 0), ..set }),
             None => self.fit.simulator = share(self.fit.simulator, 0),
@@ -98,6 +100,7 @@ impl Shares {
         };
         let tasks: Vec<Vec<u8>> =
             numbers.iter().map(task).collect::<Result<_, _>>().map_err(FitError::from)?;
+        // Answers arrive in any order.
         let mut answers: Vec<Option<Answered>> = vec![None; tasks.len()];
         let mut done = |number: usize, answer: &[u8]| {
             answers[number] = Some(task::read(answer)?);

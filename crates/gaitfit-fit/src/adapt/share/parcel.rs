@@ -31,6 +31,7 @@ impl Setup {
         config.validate.clear();
         config.validate_gains.clear();
         config.check = Default::default();
+        // Without a name the robot is the built-in one, which helpers have.
         if !config.robot.is_empty() {
             let path = paths::find(&config.robot, "robot", &self.config_path)?;
             config.robot = parcel.file(&path)?;
@@ -42,6 +43,7 @@ impl Setup {
         if let (Some(named), Some(walking), false) =
             (&mut config.policy, self.method.walking(), self.own_policy)
         {
+            // The policy is written as it was read, so the format of its file does not matter.
             *named = POLICY.to_owned();
             parcel.0.insert(POLICY.to_owned(), weights::write(&walking.policy)?);
         }
@@ -50,6 +52,7 @@ impl Setup {
         }
         config.logs.clear();
         for log in &self.fit.logs {
+            // Files beside a log hold its gains and units, without which a helper reads it otherwise.
             for beside in &log.sidecars {
                 parcel.file(beside)?;
             }
@@ -74,9 +77,11 @@ pub(super) fn unpack(bytes: &[u8], folder: &Path) -> Result<AdaptConfig, Error> 
     let broken =
         |error: &dyn std::fmt::Display| Error::failed(format!("a parcel cannot be unpacked: {error}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(|error| broken(&error))?;
+    // The sum of all files is limited, because an archive of few bytes can unpack to any size.
     let mut left = MAX_BYTES;
     for number in 0..archive.len() {
         let file = archive.by_index(number).map_err(|error| broken(&error))?;
+        // Names with `..` or a root would write outside the folder.
         let name = file.enclosed_name().ok_or_else(|| broken(&"a name in it leads out of it"))?;
         let path = folder.join(name);
         let mut content = Vec::new();
@@ -89,6 +94,7 @@ pub(super) fn unpack(bytes: &[u8], folder: &Path) -> Result<AdaptConfig, Error> 
     }
     let text = files::read_text(&folder.join(CONFIG), files::MAX_BYTES).map_err(|error| broken(&error))?;
     let mut config: AdaptConfig = toml::from_str(&text).map_err(|error| broken(&error))?;
+    // Paths inside the parcel become paths of this machine.
     let named = config.logs.iter_mut().chain(&mut config.policy).chain(&mut config.known);
     let robot = Some(&mut config.robot).filter(|robot| !robot.is_empty());
     for place in named.chain(robot) {

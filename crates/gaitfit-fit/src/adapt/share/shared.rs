@@ -138,12 +138,14 @@ impl Simulator for Shared {
         cancel: &Cancel<'_>,
     ) -> Result<(Vec<Costs>, usize), FitError> {
         let pieces = self.pieces(rollouts.len());
+        // Costs that the helpers do not have, and work too small to share, stay here.
         let Some(cost) = self.cost(views.cost()).filter(|_| !self.stays(pieces.len())) else {
             return self.local.views(theta, views, rollouts, notify, cancel);
         };
         let whole = views.count() == 1;
         let mut costs: Vec<Option<Costs>> = vec![None; rollouts.len()];
         let take = |piece: Range<usize>, answer: &[u8]| {
+            // Before the answer is read: each rollout of the piece is done either way.
             piece.clone().for_each(|_| notify());
             put(&mut costs, piece, read(answer)?)
         };

@@ -90,10 +90,12 @@ pub fn correct(
 ) -> Result<(), Error> {
     let Some(report) = &findings.swings else { return Ok(()) };
     let singles: Vec<Effect> = explain::singles(findings).cloned().collect();
+    // Real logs are measured once, at the policy's rate, as those of simulated robots are.
     let (corrected, compared) = match robot.world(logs, report, &singles, watch) {
         Ok((world, real)) => (world.corrected(report, &real.0), world.compared(real.1)),
         Err(why) => (Err(why), Vec::new()),
     };
+    // An interruption also looks like a correction without a result, so it is asked for first.
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
     }
@@ -104,6 +106,8 @@ pub fn correct(
         }
     }
     let of_joints = |cause: &Cause| LACKING.contains(&cause.kind);
+    // The order matters: if not even a comparison was possible, that is the reason to give. An effect that
+    // simulated joints lack makes the corrected numbers wrong, so it comes before them.
     match (explain::causes(findings).into_iter().find(of_joints), corrected) {
         (_, Err(why)) if !is_compared => findings.not_corrected = Some(why),
         (Some(cause), _) => {
@@ -150,6 +154,7 @@ impl Robot<'_> {
         watch: &'a Watch<'a>,
     ) -> Result<(World<'a>, Shown), String> {
         // Simulated logs are shorter than real ones, so they may have more windows for their time. This does not shift estimates.
+        // Choices of the real estimate are fixed, so that all simulated logs are treated alike.
         let settings = SwingSettings {
             clearances_m: vec![report.clearance_m],
             law: Some(report.law),
@@ -161,13 +166,16 @@ impl Robot<'_> {
         let interface = &self.policy.interface;
         let gains = Gains { kp: interface.kp.clone(), kd: interface.kd.clone() };
         let rows = |log: &Log| {
+            // Simulated logs have no lead, so it is taken away from both sides.
             let mut rows = Trajectory { lead: None, ..log.trajectory.clone() };
             rows.gains.get_or_insert_with(|| gains.clone());
             rows
         };
         let with_gains: Vec<Trajectory> = logs.iter().map(rows).collect();
+        // Oddities of single joints are taken out of the real logs, because simulated robots do not have them.
         let real = with_strengths(&with_gains.iter().collect::<Vec<_>>(), singles);
         let (real, effects) = shown(&with_springs(self.model, singles), &real, &settings, true)?;
+        // The regression compares numbers in order, so both must have the same groups.
         if !groups_of(&real).eq(groups_of(report)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
@@ -179,6 +187,7 @@ impl Robot<'_> {
                 .map_err(|error| error.to_string())?;
         let walking = Walking { gpus: self.gpus.clone(), ..walking };
         let mut left = SIMULATED_S;
+        // Logs are taken until their time is enough.
         let short = |log: &Trajectory| {
             let first = left > 0.0;
             left -= log.duration();
@@ -230,6 +239,7 @@ impl World<'_> {
     fn correct(&self, real: &SwingReport) -> Result<Vec<Estimate>, String> {
         let (uncorrected, errors) = (values_of(real), errors_of(real));
         let Noise { variance: noise, slope, group, too_large } = self.noise(real, &uncorrected)?;
+        // The region from which robots are drawn: a few errors of the estimates to each side.
         let mut half: Vec<f64> = errors
             .iter()
             .zip(kinds(uncorrected.len()))
@@ -237,6 +247,7 @@ impl World<'_> {
             .collect();
         half.push((0.5 * noise).max(0.2 * NOISE * NOISE));
         // The estimates, and the residual in units of the noise's variance.
+        // The residual is one more observation, which shows the noise.
         let with_residual = |report: &SwingReport| {
             let mut estimates = values_of(report);
             estimates.push(report.groups[group].residual.powi(2) / slope);
@@ -246,12 +257,14 @@ impl World<'_> {
         let mut centre = uncorrected;
         centre.push(noise);
         let least: Vec<f64> = self.least(centre.len()).collect();
+        // The region must not reach to values that no robot can have.
         centre.iter_mut().zip(&least).for_each(|(centre, least)| *centre = centre.max(*least));
         let mut response = Response::default();
         let mut answer = None;
         // If torque noise cannot explain the logs, there is no correction. One round is enough for the comparison.
         let rounds = if too_large.is_some() { 1 } else { ROUNDS };
         for round in 0..rounds {
+            // Numbers of robots continue from round to round, so that no two have the same draws.
             let first = FIRST_ROBOTS + round * robots_for(centre.len());
             let robots = self.draw(&centre, &half, first);
             self.effects_shown.lock().unwrap_or_else(PoisonError::into_inner).clear();
@@ -260,6 +273,7 @@ impl World<'_> {
                 return Err(why.clone());
             }
             for (robot, report) in robots.into_iter().zip(reports) {
+                // A robot that falls teaches nothing.
                 let Some(report) = report else { continue };
                 response.estimates.push(with_residual(&report));
                 response.values.push(robot);
@@ -279,6 +293,7 @@ impl World<'_> {
             return Err(ALIKE.to_owned());
         }
         // Friction, damping and armature are not below 0. A delay below 0 counts as an error of at least that size later.
+        // A delay may be negative where targets act before their row.
         let kinds = kinds(values.len() - 1);
         let bounded =
             values.iter().zip(kinds).map(|(value, kind)| if kind < 3 { value.max(0.0) } else { *value });
@@ -365,6 +380,7 @@ impl World<'_> {
     }
 
     fn observe_one(&self, set: Vec<Recorded>, effects: bool) -> Result<Option<SwingReport>, String> {
+        // Rows before a fall are no walk any more.
         let before = (BEFORE_FALL_S / self.robot.policy.interface.control_dt).ceil() as usize;
         let pairs = self.logs.iter().zip(set);
         let walked = pairs
@@ -374,6 +390,7 @@ impl World<'_> {
         if (walked.len() as f64) < WALKED * self.logs.len() as f64 {
             return Ok(None);
         }
+        // Too few swings: the robot does not walk as the real one.
         let Ok((report, shown)) = shown(self.robot.model, &walked, &self.settings, effects) else {
             return Ok(None);
         };

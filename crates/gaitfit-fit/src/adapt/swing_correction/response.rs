@@ -36,13 +36,16 @@ impl Response {
         if count < width + SPARE {
             return None;
         }
+        // In units of the region, so that one penalty suits all numbers.
         let scaled = |rows: &[Vec<f64>]| DMatrix::from_fn(count, width, |row, at| rows[row][at] / units[at]);
         let (mut values, mut estimates) = (scaled(&self.values), scaled(&self.estimates));
         let middle = values.row_mean();
         let said = estimates.row_mean();
         values.row_iter_mut().for_each(|mut row| row -= &middle);
         estimates.row_iter_mut().for_each(|mut row| row -= &said);
+        // Only the part beyond one to one is learnt.
         let apart = &estimates - &values;
+        // The eigenvectors do not depend on the number that is learnt, so they are computed once.
         let parts = (values.transpose() * &values).symmetric_eigen();
         let turned = parts.eigenvectors.transpose() * values.transpose();
         let mut slopes = DMatrix::<f64>::identity(width, width);
@@ -72,6 +75,7 @@ impl Response {
             }
             slopes.set_row(at, &(slopes.row(at) + slope.transpose()));
         }
+        // Slopes without an inverse: some estimates do not depend on any value.
         let inverse = slopes.try_inverse()?;
         let asked = DVector::from_fn(width, |at, _| estimate[at] / units[at] - said[at]);
         let solution = &inverse * asked;
