@@ -102,6 +102,7 @@ impl Gradients {
                 gradient.fill(0.0);
                 of_log_std.fill(0.0);
                 *sums = Sums::default();
+                // A worker has room for a tile's rows.
                 for places in places.chunks(TILE) {
                     worker.gather_for_policy(tiles, places, scale);
                     worker.policy(point, places.len(), gradient, of_log_std, sums);

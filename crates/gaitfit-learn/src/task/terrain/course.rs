@@ -153,6 +153,7 @@ impl Course {
         }
         let cell = Cell { level: way.level, column: self.column(environment) };
         let [x, y] = self.middle(cell);
+        // Measured from the middle of the cell, near which all episodes start.
         let far = (f64::from(end[0]) - x).hypot(f64::from(end[1]) - y);
         // Thresholds of legged_gym's `_update_terrain_curriculum`: half a cell up, half of the commanded way
         // down.
@@ -165,6 +166,7 @@ impl Course {
                 any(self.settings.levels, seed, environment, step)
             };
         }
+        // A robot on the lowest level stays there.
         if fell || way.walked < 0.5 * way.commanded { way.level.saturating_sub(1) } else { way.level }
     }
 }
