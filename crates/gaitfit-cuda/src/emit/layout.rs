@@ -119,6 +119,8 @@ impl Layout {
             });
             inputs.push(Place { class, lane, slot });
         }
+        // A result is written where the input of the same name is read, so that the next period begins with
+        // it.
         let find = |output: &Output| {
             let same = |input: &Input| match (output, input) {
                 (Output::State(a), Input::State(b)) => a == b,

@@ -81,6 +81,7 @@ impl Plan {
         let logs = tables.earlier.is_some();
         let places = sizes.tiles * scene.period.layout().environments();
         let joints = scene.joints();
+        // The batch of the physics owns the first arrays, which have a class; the session owns the others.
         let (mut physics, mut arrays): (Vec<_>, Vec<_>) = physics_arrays(scene.period, sizes.tiles)
             .into_iter()
             .map(|(class, array)| (Some(class), array))
@@ -108,6 +109,7 @@ impl Plan {
                 }
                 // With layers of 128 numbers no thread is idle.
                 let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
+                // Shared memory holds two layers of activations, 4 bytes a number, of all robots of a block.
                 Step::Walk(threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX))
             }
             Subject::Predict(_) => {

@@ -112,6 +112,7 @@ impl Predictions {
                 let pass = |place: usize, course: usize, tracks: Tracks<'_>| {
                     consume(rest[place], course, tracks);
                 };
+                // `predict` handles at least one, so the loop ends.
                 rest = &rest[self.predict(&batch, &pass, cancel)?..];
             }
         }
@@ -154,6 +155,7 @@ impl Predictions {
             return Err(FitError::Cancelled);
         }
         let run = |place: &mut Place<'_>| -> Result<usize, FitError> {
+            // Taken out: if the run fails, the place gives nothing back and their memory is free.
             let mut candidates = match place.candidates.take() {
                 Some(candidates) => candidates,
                 None => self.candidates(batch)?,
@@ -167,6 +169,7 @@ impl Predictions {
             Err(error) if error.is_memory() => {
                 // Again without the memory that no thread uses.
                 self.places().free.clear();
+                // The first error says what did not fit with all in use.
                 run(&mut place).map_err(|_| error)
             }
             done => done,

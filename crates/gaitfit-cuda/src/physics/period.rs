@@ -78,6 +78,7 @@ impl Period {
         let tree = compile::<Traced>(model, settings)?;
         let outline = tree.outline();
         let alone = Seating::alone(&outline);
+        // The most lanes first: if its limbs turn out unlike, fewer lanes or one may still fit.
         let lanes = [4, 2].into_iter().filter(|&lanes| lanes <= options.lanes);
         let seatings: Vec<Seating> = lanes.filter_map(|lanes| Seating::shared(&outline, lanes)).collect();
         let whole = Shared::new(modifications, seatings.first().unwrap_or(&alone), tree.joints());

@@ -100,6 +100,7 @@ impl Cache {
     }
 
     fn trim(&self) {
+        // A cache that cannot be read is not worth an error: programs are compiled again.
         let Ok(entries) = fs::read_dir(&self.folder) else { return };
         let mut files: Vec<(SystemTime, u64, PathBuf)> = entries
             .flatten()

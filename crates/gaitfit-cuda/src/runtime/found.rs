@@ -26,6 +26,7 @@ pub fn find() -> Found {
     let mut report = Found::default();
     match Driver::get() {
         Err(error) => report.problems.push(error.to_string()),
+        // Each part is asked on its own: a machine may have a driver and no compiler, or the reverse.
         Ok(driver) => {
             let mut version = 0;
             // SAFETY: the driver stores one int.

@@ -67,6 +67,7 @@ impl<T: Number> Buffer<T> {
         buffer.address = address;
         let stream = Stream::new(device)?;
         buffer.clear(&stream)?;
+        // Another stream may write the buffer at once, and must not be overtaken by the zeros.
         stream.wait()?;
         Ok(buffer)
     }
