@@ -104,7 +104,8 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
 /// A row for each reference of each scenario, then one for each cell that was run.
 fn rows(paper: &Paper, kind: Kind, experiments: &[Experiment], mut outcome: Outcome) -> Vec<Row> {
     let mut rows = Vec::new();
-    if kind == Kind::Finetuning {
+    // The policy before any fit and the one trained with the truth stand first: they bound what a fit can
+    // give.
         for (scenario, first) in outcome.first {
             let none = PaperRow::default;
             rows.push(Row::new(format!("{scenario}-pi0"), scenario.clone(), None, vec![first], none()));
