@@ -133,7 +133,7 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
         return text;
     }
     text.push_str("ACTUATORS = (\n");
-    // Bits as keys: equal numbers make one actuator, and floats have no hash or total order of their own.
+    // Equal numbers make one actuator. Their bits are compared, as floats have no equality to rely on.
     let mut done: Vec<[u64; 3]> = Vec::new();
     for joint in joints {
         let key = [joint.kp, joint.kd, joint.torque_limit].map(f64::to_bits);

@@ -106,6 +106,7 @@ fn rows(paper: &Paper, kind: Kind, experiments: &[Experiment], mut outcome: Outc
     let mut rows = Vec::new();
     // The policy before any fit and the one trained with the truth stand first: they bound what a fit can
     // give.
+    if kind == Kind::Finetuning {
         for (scenario, first) in outcome.first {
             let none = PaperRow::default;
             rows.push(Row::new(format!("{scenario}-pi0"), scenario.clone(), None, vec![first], none()));
