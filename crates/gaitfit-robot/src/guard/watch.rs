@@ -107,6 +107,7 @@ impl Watch {
             return Err(Reason::WrongChecksum);
         }
         let state = &reading.state;
+        // The time of the last news stays, so that a robot that repeats one state becomes too old.
         if let Some((_, before)) = &self.last
             && before.tick == state.tick
             && self.counts(reading)

@@ -87,6 +87,7 @@ impl<'a> Controller<'a> {
         if board.phase != Phase::Idle {
             self.recorder.whole(now.as_secs_f64(), &state, age, board.phase, board.sent.as_ref())?;
         }
+        // In other phases the supervisor moves the robot alone.
         if !(matches!(board.phase, Phase::Walk | Phase::Stop) || board.awaits_policy) {
             return Ok(());
         }
