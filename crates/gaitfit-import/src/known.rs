@@ -188,6 +188,7 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
     let parts: Vec<&str> = even.split('/').filter(|part| !part.is_empty()).collect();
     // Larger numbers are part of a name: no robot has so many motors.
     let number = |text: &str| text.parse::<usize>().ok().filter(|number| *number < 1024);
+    // From the most specific path to the most general: an element of an array fits almost anything.
     match parts.as_slice() {
         [.., "motor_state", i, "q"] => number(i).map(|i| format!("q_#m{i}")),
         [.., "motor_state", i, "dq"] => number(i).map(|i| format!("dq_#m{i}")),

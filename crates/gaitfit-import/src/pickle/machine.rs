@@ -74,6 +74,7 @@ impl<'a> Machine<'a> {
     /// One instruction; gives the object that was saved at the last.
     fn step(&mut self, budget: &mut Budget) -> Result<Option<Id>, Problem> {
         let op = self.byte()?;
+        // Each group takes the instructions that it knows; the last one refuses what is left.
         if let Some(number) = self.number(op)? {
             self.push(Node::Number(number))?;
         } else if let Some(text) = self.text_operand(op)? {

@@ -119,7 +119,6 @@ impl MotionSwitcher {
         let mut asked: Vec<Identity> = Vec::new();
         let mut due = Duration::ZERO;
         loop {
-            // Asked again and again: the service may discover this program only after the first question.
             if begin.elapsed() >= due {
                 self.number += 1;
                 let identity = Identity { id: self.number, api_id };
