@@ -75,7 +75,7 @@ pub struct World {
     pub candidate: Candidate,
     /// Robots drawn from what a fit leaves open; none where that was not asked for.
     pub drawn: Vec<Candidate>,
-    /// What differs from the nominal robot, for reports.
+    /// Differences from the nominal robot, for reports.
     pub changes: Vec<String>,
     /// Things to know before trusting what it shows.
     pub warnings: Vec<String>,
@@ -196,7 +196,7 @@ impl World {
         self
     }
 
-    /// Who is tested on what.
+    /// Policy, robot and task of a test.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
         Subject {
             task: &self.scene,

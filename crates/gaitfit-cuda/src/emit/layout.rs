@@ -70,7 +70,7 @@ impl Class {
     }
 }
 
-/// Where a number lies.
+/// Place of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Class of the number.
@@ -90,7 +90,7 @@ pub struct Slots {
     pub shared: usize,
 }
 
-/// Where everything lies.
+/// Places of all numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     /// Threads of an environment.

@@ -60,7 +60,7 @@ pub enum EmitError {
     Order,
 }
 
-/// How a program is made.
+/// Options for making a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmitOptions {
     /// Guards of fewer operations than this are dissolved: their regions are always computed. For what all threads of

@@ -26,9 +26,9 @@ pub struct Item {
 /// A number that a loop hands on: items of its first value and of its value at the end of a turn.
 #[derive(Clone, Copy, Debug)]
 pub struct Handed {
-    /// In the first turn.
+    /// Its value in the first turn.
     pub first: u32,
-    /// At the end of a turn.
+    /// Its value at the end of a turn.
     pub next: u32,
 }
 

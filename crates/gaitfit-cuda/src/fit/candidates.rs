@@ -64,7 +64,7 @@ pub struct Candidates {
 pub(super) type Known = Arc<Mutex<Vec<Physics>>>;
 
 impl Candidates {
-    /// On `device`. `threads`: of the host, for what it prepares.
+    /// Candidates on `device`. `threads`: of the host, for what it prepares.
     ///
     /// # Errors
     /// A failure of the GPU.

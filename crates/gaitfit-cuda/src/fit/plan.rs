@@ -57,7 +57,7 @@ pub struct Plan {
     pub program: Program,
     /// All arrays.
     pub arrays: Vec<Array>,
-    /// For each array: the class of numbers of the physics that it is, if any.
+    /// Class of numbers of the physics that each array is, if any.
     pub physics: Vec<Option<Class>>,
     /// Sizes.
     pub sizes: Sizes,

@@ -33,7 +33,7 @@ const MAX_PLACES: usize = 8;
 /// on the call alone, so that a fit repeats its bits.
 const FEW: usize = 4;
 
-/// Who uses the GPU.
+/// Candidates that threads use the GPU with, and those that are free.
 #[derive(Default)]
 struct Places {
     /// Candidates that no thread uses, the last used one last.
@@ -58,7 +58,7 @@ impl Drop for Place<'_> {
     }
 }
 
-/// What candidates of one structure predict.
+/// Candidates of one structure and what they predict.
 struct Batch<'a> {
     subject: Subject<'a>,
     tables: &'a Arc<Tables>,
@@ -70,7 +70,7 @@ struct Batch<'a> {
 }
 
 impl Predictions {
-    /// On `device`. `threads`: of the host, for what it prepares.
+    /// Predictions on `device`. `threads`: of the host, for what it prepares.
     pub fn new(device: &Device, threads: usize) -> Self {
         Self {
             device: device.clone(),

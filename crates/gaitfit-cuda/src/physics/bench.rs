@@ -29,7 +29,7 @@ pub struct PhysicsBench {
     pub substeps: usize,
     /// Threads of an environment; none for what suits the number of environments.
     pub lanes: Option<usize>,
-    /// How the text is made.
+    /// Options for making the text.
     pub emit: EmitOptions,
     /// Measured repetitions.
     pub repetitions: usize,

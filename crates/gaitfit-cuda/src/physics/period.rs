@@ -22,7 +22,7 @@ pub struct PeriodOptions {
     pub taps: usize,
     /// Threads of an environment at most: 4, 2 or 1.
     pub lanes: usize,
-    /// How the text is made.
+    /// Options for making the text.
     pub emit: EmitOptions,
 }
 
@@ -156,7 +156,7 @@ impl Period {
         self.substeps
     }
 
-    /// Where sensors are among the numbers that modifications remember.
+    /// Returns the places of the sensors among the numbers that modifications remember.
     pub(crate) fn sensors(&self) -> SensorPlaces {
         self.sensors
     }
@@ -166,7 +166,7 @@ impl Period {
         self.graph.inputs.iter()
     }
 
-    /// Where the numbers lie.
+    /// Returns the places of the numbers.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }

@@ -15,7 +15,7 @@ pub struct Found {
     pub gpus: Vec<DeviceInfo>,
     /// Version of the compiler NVRTC; `None` if it was not found.
     pub nvrtc: Option<String>,
-    /// Where it was found.
+    /// Path or name under which it was found.
     pub nvrtc_path: Option<String>,
     /// Things that are missing for a use of the GPU, a sentence each; empty if nothing is.
     pub problems: Vec<String>,

@@ -83,7 +83,7 @@ impl<T: Number> Buffer<T> {
         Ok(buffer)
     }
 
-    /// Where its first number lies in the GPU's memory; 0 if it holds none.
+    /// Address of its first number in the GPU's memory; 0 if it holds none.
     pub fn address(&self) -> u64 {
         self.address
     }

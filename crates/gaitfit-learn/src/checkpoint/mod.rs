@@ -30,7 +30,7 @@ use crate::training::Training;
 
 /// Version of the layout; a reader refuses every other.
 const FORMAT: u32 = 2;
-/// Where the metadata keeps the header.
+/// Key of the metadata under which the header is.
 const KEY: &str = "gaitfit-checkpoint";
 /// Tensors of a tile for what the actor and the critic remember.
 const MEMORIES: [&str; 2] = ["actor_memory", "critic_memory"];

@@ -13,7 +13,7 @@ pub struct Exploration {
 }
 
 impl Exploration {
-    /// For environments numbered from `first` on.
+    /// Exploration of environments numbered from `first` on.
     pub fn new(seed: u64, first: u32) -> Self {
         Self { seed, first, normals: Vec::new() }
     }

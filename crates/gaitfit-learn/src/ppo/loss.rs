@@ -44,7 +44,7 @@ pub(super) struct Constants<T> {
 }
 
 impl<T: Scalar> Constants<T> {
-    /// For the policy's `log_std` now and `old_log_std` when it drew the actions.
+    /// The constants for the policy's `log_std` now and `old_log_std` when it drew the actions.
     pub(super) fn new(settings: &super::Settings, rows: usize, log_std: &[T], old_log_std: &[T]) -> Self {
         // In `f64` even where the losses are `f32`: these few numbers enter every row.
         let exp = |x: T| T::from_f64(x.to_f64().exp());

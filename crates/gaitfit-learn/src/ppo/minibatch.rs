@@ -48,7 +48,7 @@ pub(super) struct Gradients {
 }
 
 impl Gradients {
-    /// For gradients of `size` numbers; nothing is allocated yet.
+    /// Room for gradients of `size` numbers; nothing is allocated yet.
     pub(super) fn new(size: usize) -> Self {
         Self { workers: Vec::new(), sequence_workers: Vec::new(), pieces: Vec::new(), total: vec![0.0; size] }
     }

@@ -45,7 +45,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// With room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
+    /// A recorder with room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
     pub fn new(samples: Samples, exploration: Exploration) -> Self {
         let (critic_rows, values) = (Vec::new(), Vec::new());
         let memories = [Memory::default(), Memory::default()];

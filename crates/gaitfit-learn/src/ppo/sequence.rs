@@ -38,7 +38,7 @@ pub(super) fn groups<'a>(tiles: &'a [Samples], places: &'a [Place]) -> impl Iter
 pub(super) struct SequenceWorker<T> {
     /// Input of a network or of its memory, `steps × environments × width`.
     pub(super) input: AVec<T>,
-    /// Where episodes begin, `steps × environments`.
+    /// Whether an episode begins at each step, `steps × environments`.
     pub(super) begins: Vec<bool>,
     /// Memory before the first step, `environments × remembered`.
     pub(super) start: Vec<T>,
@@ -50,7 +50,7 @@ pub(super) struct SequenceWorker<T> {
 }
 
 impl<T: Scalar> SequenceWorker<T> {
-    /// For networks of these shapes and rollouts of up to `steps` steps.
+    /// A worker for networks of these shapes and rollouts of up to `steps` steps.
     pub(super) fn new(actor: &Shape, critic: &Shape, steps: usize) -> Self {
         let rows = steps.max(ROWS);
         Self {

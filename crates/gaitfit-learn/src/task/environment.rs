@@ -250,7 +250,7 @@ impl<'a> Environment<'a> {
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
     }
 
-    /// Where environment `index` is in the motion that the policy follows.
+    /// Place of environment `index` in the motion that the policy follows.
     pub fn motion_place(&self, index: usize) -> MotionPlace {
         let time = f64::from(self.steps[index]) * self.task.walker.interface.control_dt;
         MotionPlace { time, heading: f64::from(self.turned[index]) }

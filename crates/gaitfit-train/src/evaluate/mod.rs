@@ -149,7 +149,7 @@ const FASTEST: f64 = 100.0;
 /// Refuses commands of drift trials that cannot be. `key`: the setting.
 ///
 /// # Errors
-/// As it says.
+/// Settings out of range.
 pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
     match speeds.into_iter().flatten().find(|speed| !(0.0..=FASTEST).contains(speed)) {
         Some(speed) => Err(Error::settings(format!(
@@ -164,7 +164,7 @@ pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
 /// control, s.
 ///
 /// # Errors
-/// As it says.
+/// Settings out of range.
 pub fn check_length(key: &str, trajectories: usize, seconds: f64, period: f64) -> Result<(), Error> {
     let steps = trajectories as f64 * seconds / period;
     if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MAX_STEPS {

@@ -23,16 +23,16 @@ pub struct Setup {
     pub plan: Plan,
     /// The robot.
     pub model: Model,
-    /// What robots are varied around; the robot of the file if there is none.
+    /// The robot around which robots are varied; that of the file if there is none.
     pub candidate: Option<Candidate>,
     /// Robots that they are varied around instead, each robot of the training around one of them; none without draws of
     /// fitted parameters.
     pub drawn: Vec<Candidate>,
     /// The task on it.
     pub scene: Task,
-    /// What the training continues from.
+    /// Policy that the training continues from.
     pub start: Option<Start>,
-    /// What the result depends on.
+    /// Inputs that the result depends on.
     pub inputs: Inputs,
     /// The robot's file, for the policies; absent for the built-in robot.
     pub robot_file: Option<RobotFile>,

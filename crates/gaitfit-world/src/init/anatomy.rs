@@ -50,7 +50,7 @@ pub struct Anatomy {
 }
 
 impl Anatomy {
-    /// In the pose `angles` (rad, model order).
+    /// Finds the legs in the pose `angles` (rad, model order).
     pub fn find(model: &Model, angles: &[f64]) -> Result<Self, InitError> {
         let frames = body_frames(model, &Frame::WORLD, angles);
         let mut contacts: Vec<usize> = model.pairs.iter().map(|pair| pair.geom).collect();
@@ -167,7 +167,7 @@ impl Anatomy {
         self.biped() && self.wheels.is_empty() && self.legs.iter().all(|leg| leg.sole)
     }
 
-    /// How the feet were found.
+    /// States how the feet were found.
     pub fn how(&self) -> String {
         let geoms = self.legs.iter().map(|leg| leg.geoms.len()).max().unwrap_or_default();
         let several = if geoms > 1 { format!(" ({geoms} geoms a foot)") } else { String::new() };

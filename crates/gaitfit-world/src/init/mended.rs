@@ -26,7 +26,7 @@ pub struct Prepared {
     pub mended: Vec<Guess>,
 }
 
-/// How a robot file is prepared.
+/// Options for preparing a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation<'a> {
     /// Drop what the engine cannot simulate.

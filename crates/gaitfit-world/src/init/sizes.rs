@@ -60,7 +60,7 @@ pub fn digits(value: f64, count: i32) -> f64 {
 }
 
 impl Sizes {
-    /// In the pose `angles` (rad, model order).
+    /// Sizes in the pose `angles` (rad, model order).
     pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
         let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
         // A file may switch gravity off; commands go with √(g l) and would be zero.

@@ -98,7 +98,7 @@ pub enum Two {
     Unequal,
     /// Neither is 0.
     And,
-    /// Not both are 0.
+    /// At least one is not 0.
     Or,
 }
 

@@ -64,7 +64,7 @@ impl<R: Copy> Work<R> {
 #[derive(Debug, Default)]
 pub(in crate::task) struct Program {
     steps: Vec<(Work<Row>, Row)>,
-    /// Where the value of each expression is at the end.
+    /// Place of each expression's value at the end.
     values: Vec<usize>,
     /// Numbers of each row of the scratch.
     sizes: Vec<usize>,

@@ -123,7 +123,7 @@ impl Course {
         f64::from(x).abs() > self.inside[0] || f64::from(y).abs() > self.inside[1]
     }
 
-    /// Where on `cell` an episode of `environment` starts that begins at `step`: x and y, m.
+    /// Place on `cell` at which an episode of `environment` starts that begins at `step`: x and y, m.
     pub(in crate::task) fn place(&self, cell: Cell, seed: u64, environment: u32, step: u32) -> [f64; 2] {
         let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
         let room = self.room();
