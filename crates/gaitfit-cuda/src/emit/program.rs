@@ -168,7 +168,6 @@ impl Draft {
                 inside.then(|| self.nodes[at].args)
             };
             let fused = match node.op {
-                // far.
                 Op::Add => match (product(y), product(x)) {
                     (Some([a, b, ..]), _) => Some(Node::new(Op::Fma, &[a, b, x])),
                     (_, Some([a, b, ..])) => Some(Node::new(Op::Fma, &[a, b, y])),

@@ -145,7 +145,6 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
             })
         }
         // Flat, but small or on many legs: a ball as wide as the print stands for it.
-        // edge.
         [true, true] => round((0.5 * print.sides[0]).max(thin).min(0.5 * tall).min(SMALL * leg)),
         [false, false] => round(radius((print.sides[0] * print.sides[1]).sqrt())),
         [long, _] => {
