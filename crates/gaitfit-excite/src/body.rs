@@ -45,7 +45,7 @@ pub(super) struct Body {
     pub torque: Vec<f64>,
     /// The fit: its parameters and their bounds.
     pub config: AdaptConfig,
-    /// Where gains and limits come from, a sentence each.
+    /// Sources of gains and limits, a sentence each.
     pub notes: Vec<String>,
 }
 

@@ -98,9 +98,9 @@ pub struct Expected {
     pub counts: bool,
     /// Standard deviation with the configuration's logs alone; absent where they do not tell it, or there are none.
     pub recorded: Option<f64>,
-    /// With these and commands as they are usually drawn; absent where they do not tell it.
+    /// Deviation with these and commands as they are usually drawn; absent where they do not tell it.
     pub random: Option<f64>,
-    /// With these and the chosen commands.
+    /// Deviation with these and the chosen commands.
     pub chosen: Option<f64>,
 }
 

@@ -170,12 +170,12 @@ impl<'a> Trial<'a> {
         &self.theta
     }
 
-    /// How many robots are simulated: those of the bounds and the one of the file.
+    /// Number of robots that are simulated: those of the bounds and the one of the file.
     pub fn robots(&self) -> usize {
         self.robots.len() + 1
     }
 
-    /// In words, the robot of the bounds number `at`.
+    /// Describes the robot of the bounds number `at`.
     fn describe(&self, at: usize) -> String {
         let corners = self.robots.len() - DRAWN as usize;
         if at >= corners {
@@ -290,7 +290,7 @@ impl<'a> Trial<'a> {
         all.into_iter().fold((Limit::Position, 0.0), |max, one| if one.1 > max.1 { one } else { max })
     }
 
-    /// For each joint the worst of all robots: which limit, how much of it is used, and which robot.
+    /// The worst of all robots for each joint: which limit, how much of it is used, and which robot.
     fn worst(&self, peaks: &[Vec<Peak>]) -> Vec<(Limit, f64, usize)> {
         let used_most = |joint: usize| {
             let robots = peaks.iter().enumerate().map(|(robot, peaks)| {
@@ -302,7 +302,7 @@ impl<'a> Trial<'a> {
         (0..self.body.names.len()).map(used_most).collect()
     }
 
-    /// Which limit a joint meets on which robot, in words.
+    /// States which limit a joint meets on which robot.
     fn say(&self, joint: usize, limit: Limit, robot: usize) -> String {
         let body = self.body;
         let kind = body.model.joints[joint].kind;

@@ -78,7 +78,7 @@ impl Columns<'_> {
         }
     }
 
-    /// What motors were given besides targets.
+    /// Gains, velocities and torques that motors were given besides targets.
     fn motors(&self) -> MotorColumns {
         let of_motors = |prefix: &str| of_all(prefix, self.joints, self.columns, self.samples);
         MotorColumns {

@@ -21,17 +21,17 @@ const JITTER: f64 = 0.2;
 pub enum ClockFinding {
     /// Samples came out of order and were sorted.
     Disorder {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Samples with the time of the one before were dropped.
     Repeated {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Samples with the time of the one before and other values were placed between their neighbours.
     Late {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Stamps had lost their digits, and rows were spaced evenly.
@@ -41,7 +41,7 @@ pub enum ClockFinding {
     },
     /// Samples are missing.
     Gaps {
-        /// How many gaps.
+        /// Number of gaps.
         gaps: usize,
         /// About how many samples are missing.
         lost: usize,

@@ -111,11 +111,11 @@ impl Default for Options {
 pub struct Imported {
     /// The log. Its time begins at 0.
     pub trajectory: Trajectory,
-    /// What was read, assumed and left out.
+    /// Report of what was read, assumed and left out.
     pub report: ImportReport,
 }
 
-/// What was read, assumed and left out.
+/// Report of what was read, assumed and left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ImportReport {
     /// The files and their kinds.

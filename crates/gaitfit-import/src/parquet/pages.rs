@@ -123,7 +123,7 @@ fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Resul
     Ok(levels)
 }
 
-/// How many of a page's places have a value.
+/// Returns the number of a page's places that have a value.
 fn present(defined: &[u32], leaf: &Leaf, count: usize) -> usize {
     match leaf.defined {
         0 => count,

@@ -27,7 +27,7 @@ pub(super) struct Leaf {
     pub per_second: Option<f64>,
 }
 
-/// Where the walk is.
+/// Place of the walk in the schema.
 #[derive(Clone, Default)]
 struct Above {
     names: Vec<String>,

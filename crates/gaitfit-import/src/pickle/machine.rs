@@ -168,7 +168,7 @@ impl<'a> Machine<'a> {
         }))
     }
 
-    /// Where an instruction keeps the top of the stack.
+    /// Returns the key under which an instruction keeps the top of the stack.
     fn stored_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
             // PUT, BINPUT, LONG_BINPUT, MEMOIZE.
@@ -180,7 +180,7 @@ impl<'a> Machine<'a> {
         }))
     }
 
-    /// Where an instruction finds what was kept.
+    /// Returns the key under which an instruction finds what was kept.
     fn remembered_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
             // GET, BINGET, LONG_BINGET.

@@ -282,7 +282,7 @@ struct Clock {
     topic: String,
     /// Header stamps, not the recorder's times.
     stamped: bool,
-    /// How much later the recorder's times are, ns; the middle one.
+    /// Time by which the recorder's times are later, ns; the middle one.
     behind: i64,
 }
 

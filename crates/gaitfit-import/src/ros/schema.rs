@@ -34,7 +34,7 @@ pub(crate) enum Base {
     Type(usize),
 }
 
-/// How many there are of it.
+/// Number of a field's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Count {
     One,

@@ -18,9 +18,9 @@ use crate::supervisor::Phase;
 
 /// Time between two commands: a Go2 sends its states as often.
 const TICK: Duration = Duration::from_millis(2);
-/// How long to wait for a robot's first state.
+/// Time to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
-/// How long to listen for other controllers before arming.
+/// Time to listen for other controllers before arming.
 const LISTEN: Duration = Duration::from_secs(1);
 
 /// Callbacks to the person beside the robot, and settings of a run.

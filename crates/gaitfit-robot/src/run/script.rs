@@ -157,7 +157,7 @@ impl Script {
         self.many
     }
 
-    /// How many walks are recorded.
+    /// Number of walks that are recorded.
     pub fn walks(&self) -> usize {
         self.walks.len()
     }

@@ -66,7 +66,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         if let (true, Some(after)) = (max > 1, policies.last()) {
             choices.extend(measurement(TARGET, stages.for_choice(&format!("policy-{number}"), after)?));
         }
-        // With one round nothing is chosen, and the reported trajectories do.
+        // With one round nothing is chosen, so the reported trajectories will do.
         let judged = if choices.is_empty() { &evaluations } else { &choices };
         let (helped, why) = helped(setup, &rounds, judged);
         if !helped {
