@@ -89,7 +89,7 @@ impl Words {
     }
 }
 
-/// Where a period keeps those of its inputs that are `wanted`, in their order.
+/// Returns the places of those of a period's inputs that are `wanted`, in their order.
 pub(crate) fn input_spots(period: &Period, wanted: fn(&Input) -> bool) -> Vec<Spot> {
     let layout = period.layout();
     let inputs = period.graph.inputs.iter().zip(&layout.inputs);
@@ -107,7 +107,7 @@ fn memory_joints(period: &Period) -> Vec<usize> {
     period.graph.inputs.iter().filter_map(joint).collect()
 }
 
-/// Where a period keeps what it reports.
+/// Returns the places of a period's reports.
 fn report_spots(period: &Period) -> Vec<Spot> {
     let layout = period.layout();
     let outputs = period.graph.outputs.iter().zip(&layout.outputs);

@@ -45,7 +45,7 @@ pub(super) struct Body {
     pub torque: Vec<f64>,
     /// The fit: its parameters and their bounds.
     pub config: AdaptConfig,
-    /// Where gains and limits come from, a sentence each.
+    /// Sources of gains and limits, a sentence each.
     pub notes: Vec<String>,
 }
 
@@ -54,6 +54,7 @@ impl Body {
     pub fn read(settings: &ChirpSettings) -> Result<Self, Error> {
         let mut notes = Vec::new();
         let mut model = robot::read(&settings.robot, settings.lenient, robot::Hold::Clamped)?;
+        // The same robot with its free base: only such a robot has a stance and a task of its own.
         let floating = robot::read(&settings.robot, settings.lenient, robot::Hold::File)?;
         let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
         if names.is_empty() {
@@ -85,6 +86,7 @@ impl Body {
         }
         let fit = settings.fit.as_deref();
         let given: Option<AdaptConfig> = fit.map(|path| settings::load(Some(path), &[])).transpose()?;
+        // The built-in robot has a task already.
         let looked = if robot::is_go2(&floating) { None } else { gaitfit_world::init::look(&floating).ok() };
         let source = looked.as_ref().and_then(|look| look.guesses.iter().find(|guess| guess.what == "gains"));
         let source = source.map(|guess| guess.found.clone());
@@ -118,6 +120,7 @@ impl Body {
             notes,
         };
         // A robot whose joints are in no groups gets a number for each joint.
+        // The user's own configuration stays as it is.
         if settings.fit.is_none() && body.theta().is_err() {
             for rule in body.config.parameter.iter_mut().filter(|rule| rule.per == Sharing::Group) {
                 rule.per = Sharing::Joint;
@@ -176,6 +179,7 @@ impl Body {
             // `velocity_limit` is in rad/s, so it does not hold for slides.
             let given = settings.velocity_limit.filter(|_| joint.kind.is_hinge());
             let limit = match (joint.velocity_limit, given) {
+                // A given limit can only be stricter than the file's.
                 (Some(own), Some(given)) => own.min(given),
                 (own, given) => own.or(given).unwrap_or_else(|| {
                     if joint.kind.is_hinge() {
@@ -209,6 +213,7 @@ impl Body {
         for (at, joint) in self.model.joints.iter().enumerate() {
             let moves = self.turn[at].is_some();
             let usual = usual.as_ref().and_then(|pose| pose[at]).unwrap_or(joint.reference);
+            // Without a range the amplitude itself must bound the motion.
             let Some([low, high]) = joint.range else {
                 let centre = given[at].unwrap_or(usual);
                 if moves {
@@ -349,6 +354,7 @@ fn torques(settings: &ChirpSettings, model: &Model, moved: &[usize]) -> Result<V
 
 /// Turn in which each joint moves; `None` for joints that are held.
 fn turns(model: &Model, moved: &[usize], turns: Turns) -> Vec<Option<usize>> {
+    // Joints of one limb move in one turn; turns follow the order of the limbs' first joints.
     let mut slots = vec![None; model.joints.len()];
     let mut limbs: Vec<usize> = Vec::new();
     for (order, &joint) in moved.iter().enumerate() {
@@ -374,6 +380,7 @@ fn hinges(model: &Model, notes: &mut Vec<String>) -> Result<Vec<usize>, Error> {
     };
     let (hinges, slides): (Vec<usize>, Vec<usize>) =
         (0..model.joints.len()).partition(|&joint| model.joints[joint].kind.is_hinge());
+    // A follower moves with the joint that it follows, and takes no target.
     let (followers, free): (Vec<usize>, Vec<usize>) =
         hinges.into_iter().partition(|&joint| model.follows(joint));
     if free.is_empty() {

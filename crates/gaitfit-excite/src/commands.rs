@@ -98,9 +98,9 @@ pub struct Expected {
     pub counts: bool,
     /// Standard deviation with the configuration's logs alone; absent where they do not tell it, or there are none.
     pub recorded: Option<f64>,
-    /// With these and commands as they are usually drawn; absent where they do not tell it.
+    /// Deviation with these and commands as they are usually drawn; absent where they do not tell it.
     pub random: Option<f64>,
-    /// With these and the chosen commands.
+    /// Deviation with these and the chosen commands.
     pub chosen: Option<f64>,
 }
 
@@ -186,11 +186,14 @@ impl FirstWalks {
                 settings.pool
             ))
         };
+        // A sequence under which the robot falls tells nothing, and must not be sent to it.
         let fell = logs.iter().filter(|one| one.is_none()).count();
         let whole: Vec<_> = logs[..usual].iter().flatten().cloned().collect();
         if whole.len() < settings.trajectories || settings.pool - fell < 2 * settings.trajectories {
             return Err(few(fell));
         }
+        // All sensitivities are scaled alike, by the usual walks, so that information of different walks can
+        // be added.
         let whole = look.together(whole)?;
         let sensitivities = look.sensitivities(logs, &whole, watch)?;
         let usual: Vec<&Sensitivity> = sensitivities[..usual].iter().flatten().collect();
@@ -243,6 +246,7 @@ fn mean_ratio(
         };
         format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
     }));
+    // Geometric: a ratio of 2 and one of 1/2 cancel out.
     let logs: f64 = compared.iter().map(|&entry| (chosen[entry] / usual[entry]).ln()).sum();
     (!compared.is_empty()).then(|| (logs / compared.len() as f64).exp())
 }
@@ -256,6 +260,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     settings.check()?;
     let (config, distributions) = configuration(settings)?;
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
+    // From here on everything is read and checked before the first walk is simulated.
     let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config, None)?;
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
     if !policy.interface.observes_command() {
@@ -270,7 +275,9 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let theta = config.rules().theta(&config.groups(&names), &names, &rest).map_err(Error::settings)?;
     let values = known_values(&config, &theta, settings.theta.as_deref())?;
     let asked = asked(&settings.parameters, &theta)?;
+    // The replay that the fit compares logs with.
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
+    // The walking robot that makes the logs.
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
     check_size(settings, robot.task.walker.interface.control_dt)?;
     let command = robot.task.settings.command.clone();
@@ -299,6 +306,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     }));
     let nothing = Information::nothing(theta.len());
     let known = recorded.as_ref().map_or(&nothing, |recorded| &recorded.information);
+    // What the recorded logs identify already need not be excited again.
     let before = known.deviations();
     let wanted = match asked {
         Some(wanted) => wanted,
@@ -307,6 +315,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     check_identified(&theta, &wanted, &together(known, choice.information.iter()))?;
     let stop = || watch.stop();
     let mut chosen = choose(known, &choice.information, settings.trajectories, &wanted, &stop);
+    // Each round tries variants of the best sequences so far and chooses anew from all.
     for round in 1..=ROUNDS {
         let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
         // Numbers beyond those of earlier sequences, so that no two share their draws.

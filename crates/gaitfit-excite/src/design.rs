@@ -42,6 +42,7 @@ pub(super) fn choose(
         let left = (0..candidates.len()).filter(|one| !chosen.contains(one) && !stop());
         left.map(|one| (criterion(&with(sum, one), entries), one)).min_by(|a, b| a.0.total_cmp(&b.0))
     };
+    // Greedy first: one motion after the other, each the best beside those before.
     while chosen.len() < count {
         let Some((_, one)) = best(&sum, &chosen) else { break };
         sum.add(&candidates[one], 1.0);
@@ -53,6 +54,7 @@ pub(super) fn choose(
         let others = chosen.iter().enumerate().filter(|(at, _)| Some(*at) != place);
         others.fold(known.clone(), |sum, (_, &one)| with(&sum, one))
     };
+    // Then exchanges: what was best early may be worth less beside the later ones.
     for _ in 0..EXCHANGES {
         let now = criterion(&but(&chosen, None), entries);
         let swap =

@@ -37,6 +37,8 @@ fn targets(settings: &ChirpSettings, body: &Body, targets: &[f64]) -> String {
     }
     text.push('\n');
     for (sample, row) in targets.chunks_exact(body.names.len()).enumerate() {
+        // Time in whole microseconds, and targets with all their digits: the robot shall play what was
+        // simulated.
         let _ = write!(text, "{:.6}", sample as f64 / settings.rate);
         for target in row {
             let _ = write!(text, ",{target:?}");
@@ -51,6 +53,7 @@ fn player(settings: &ChirpSettings, body: &Body) -> Result<String, Error> {
     let column = |values: &[f64]| -> Vec<Option<f64>> {
         values.iter().map(|&value| Some(value).filter(|value| value.is_finite())).collect()
     };
+    // JSON of numbers, texts and lists is valid Python too.
     let numbers = serde_json::json!({
         "robot": body.model.name,
         "rate": settings.rate,
@@ -101,6 +104,7 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
     }
     out.push_str("logs = [\"log.csv\"]\n\n[gains]\n");
     let _ = writeln!(out, "kp = {}\nkd = {}", table(&body.gains.kp), table(&body.gains.kd));
+    // The same rules and bounds as the chirp was simulated with.
     for rule in &body.config.parameter {
         let joints: Vec<String> = rule.joints.iter().map(|pattern| text(pattern)).collect();
         let per = match rule.per {

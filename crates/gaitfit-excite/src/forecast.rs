@@ -23,6 +23,7 @@ pub(super) fn forecast(
 ) -> Result<Vec<ParameterSensitivity>, Error> {
     let config =
         gaitfit_settings::settings::AdaptConfig { costs: vec![CostKind::MatchO], ..body.config.clone() };
+    // Differences need room on both sides of a value.
     let values: Vec<f64> = theta.entries().iter().map(|entry| off_bounds(entry, entry.start)).collect();
     let base = Candidate::nominal(&body.model);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
@@ -38,6 +39,7 @@ pub(super) fn forecast(
         trajectory: body.trajectory(settings.rate, targets, start),
         filled: Vec::new(),
     };
+    // First the robot makes the log, then the log is compared with variants of the robot.
     let simulator = clamped.simulator(base.clone(), std::slice::from_ref(&log))?;
     let made = Mutex::new([Vec::new(), Vec::new()]);
     let keep = |_: usize, _: usize, signals: Signals<'_>| {

@@ -46,6 +46,8 @@ impl Information {
     pub fn deviations(&self) -> Vec<f64> {
         let count = self.curvature.nrows();
         let diagonal = self.curvature.diagonal();
+        // Scaled to a diagonal of ones: units differ by orders of magnitude, and the ridge must mean the same
+        // for all.
         let scale = diagonal.map(|value| if value > 0.0 { 1.0 / value.sqrt() } else { 0.0 });
         let identified = diagonal.iter().filter(|value| **value > 0.0).count().max(1);
         let scaled = |matrix: &DMatrix<f64>| {
@@ -53,6 +55,7 @@ impl Information {
         };
         let (mut curvature, mut noise) = (scaled(&self.curvature), scaled(&self.noise));
         let variance = noise.trace() / identified as f64;
+        // A parameter that nothing shows gets a diagonal of its own, so that it does not spoil the inverse.
         for i in 0..count {
             let seen = scale[i] > 0.0;
             curvature[(i, i)] += if seen { RIDGE } else { 1.0 };
@@ -61,6 +64,7 @@ impl Information {
         // Rounding may leave a matrix that is not positive definite: then nothing is identified.
         let Some(solved) = curvature.cholesky() else { return vec![f64::INFINITY; count] };
         let inverse = solved.inverse();
+        // The sandwich form: inverse curvature, noise of the scores, inverse curvature (White 1982).
         let covariance = &inverse * noise * &inverse;
         let deviation = |i: usize| match scale[i] > 0.0 {
             true => covariance[(i, i)].max(0.0).sqrt() * scale[i],

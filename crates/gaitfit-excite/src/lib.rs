@@ -92,6 +92,7 @@ pub fn chirp(settings: &ChirpSettings, watch: &Watch<'_>) -> Result<Chirp, Error
     settings.check()?;
     let body = body::Body::read(settings)?;
     let trial = safe::Trial::new(settings, &body)?;
+    // Safety decides the chirp; the forecast only tells what it will show.
     let safe = safe::shrink(settings, &body, &trial, watch)?;
     let forecast = forecast::forecast(settings, &body, &safe.targets, trial.theta())?;
     let expected = body.trajectory(settings.rate, &safe.targets, safe.expected.clone());

@@ -52,6 +52,7 @@ impl Look<'_> {
             seed: derive_seed(self.seed, Purpose::TORQUE_NOISE, round),
         };
         let made = recorder.record(self.theta, &[robot], &|| watch.stop())?.pop();
+        // An interrupted recording has fewer logs than sequences.
         if watch.stop() {
             return Err(interrupted());
         }

@@ -67,9 +67,11 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
         let Ok(command) = <[f64; 3]>::try_from(command) else {
             return wrong("five numbers are needed, with commas between");
         };
+        // NaN fails this comparison too.
         if !command.iter().all(|value| value.abs() <= MAX_COMMAND) {
             return wrong("a command is a number of at most 100 m/s or rad/s");
         }
+        // The next number begins the next sequence; every other must be the present one.
         if *trajectory == sequences.len() as f64 && sequences.len() < MAX_SEQUENCES {
             sequences.push(Sequence::default());
         }

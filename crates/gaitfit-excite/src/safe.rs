@@ -132,6 +132,8 @@ impl<'a> Trial<'a> {
                 kinds.push(entry.kind);
             }
         }
+        // All entries of a kind are at the same end: one corner for each combination of joints would be too
+        // many.
         let corner = |bits: usize| -> Vec<f64> {
             let value = |entry: &gaitfit_adapt::Entry| match kinds
                 .iter()
@@ -168,12 +170,12 @@ impl<'a> Trial<'a> {
         &self.theta
     }
 
-    /// How many robots are simulated: those of the bounds and the one of the file.
+    /// Number of robots that are simulated: those of the bounds and the one of the file.
     pub fn robots(&self) -> usize {
         self.robots.len() + 1
     }
 
-    /// In words, the robot of the bounds number `at`.
+    /// Describes the robot of the bounds number `at`.
     fn describe(&self, at: usize) -> String {
         let corners = self.robots.len() - DRAWN as usize;
         if at >= corners {
@@ -203,6 +205,7 @@ impl<'a> Trial<'a> {
         let recording = body.recording(self.rate, targets.to_vec());
         let simulator = ReplaySimulator::new(&body.model, vec![recording], options, self.threads)
             .map_err(Error::failed)?;
+        // One place more than robots: the last is the robot of the file.
         let peaks = Mutex::new(vec![Vec::new(); self.robots.len() + 1]);
         let expected = Mutex::new([Vec::new(), Vec::new()]);
         let keep = |at: usize, values: Vec<Peak>| {
@@ -213,6 +216,8 @@ impl<'a> Trial<'a> {
             keep(at, self.peaks(&candidate, targets, signals));
         };
         let nominal = Candidate::nominal(&body.model);
+        // The robot of the file is simulated as well: its signals are what the user compares the real log
+        // with.
         let of_file = |_: usize, _: usize, signals: &JointSignals| {
             let signals = Signals::of_joints(&signals.position, &signals.velocity);
             keep(self.robots.len(), self.peaks(&nominal, targets, signals));
@@ -249,6 +254,7 @@ impl<'a> Trial<'a> {
         // Comparisons with NaN are false, so a diverged simulation would seem to keep every limit.
         let nan_is_all = |value: f64| if value.is_finite() { value } else { f64::INFINITY };
         for (joint, peak) in peaks.iter_mut().enumerate() {
+            // Rounded up and one more: the delay need not be a whole number of samples.
             let late = (robot.delay[joint] * self.rate).ceil() as usize + 1;
             for sample in 0..targets.len() / width {
                 let at = sample * width + joint;
@@ -284,7 +290,7 @@ impl<'a> Trial<'a> {
         all.into_iter().fold((Limit::Position, 0.0), |max, one| if one.1 > max.1 { one } else { max })
     }
 
-    /// For each joint the worst of all robots: which limit, how much of it is used, and which robot.
+    /// The worst of all robots for each joint: which limit, how much of it is used, and which robot.
     fn worst(&self, peaks: &[Vec<Peak>]) -> Vec<(Limit, f64, usize)> {
         let used_most = |joint: usize| {
             let robots = peaks.iter().enumerate().map(|(robot, peaks)| {
@@ -296,7 +302,7 @@ impl<'a> Trial<'a> {
         (0..self.body.names.len()).map(used_most).collect()
     }
 
-    /// Which limit a joint meets on which robot, in words.
+    /// States which limit a joint meets on which robot.
     fn say(&self, joint: usize, limit: Limit, robot: usize) -> String {
         let body = self.body;
         let kind = body.model.joints[joint].kind;
@@ -375,8 +381,10 @@ pub(super) fn shrink(
         for (joint, (limit, used, robot)) in worst.into_iter().enumerate().filter(|(_, one)| one.1 > 1.0) {
             let said = trial.say(joint, limit, robot);
             last = Some(format!("{}: {said}", shown(&body.names[joint])));
+            // Bounded steps: peaks are no linear function of the amplitude.
             let factor = (INSIDE / used).clamp(SMALLEST, LARGEST);
             let moves = sweep.joints[joint].turn.is_some();
+            // Joints of one limb load each other, so the neighbours give way too, by less.
             for other in (0..body.names.len()).filter(|&other| related(body, joint, other)) {
                 let factor = if other == joint || !moves { factor } else { factor.powf(NEIGHBOUR) };
                 let part = &mut sweep.joints[other];
@@ -394,6 +402,7 @@ pub(super) fn shrink(
                 limited[other] = Some(format!("{whose}{said}"));
             }
         }
+        // A chirp so small would identify nothing.
         let small = sweep
             .joints
             .iter()

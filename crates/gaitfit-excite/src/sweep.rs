@@ -56,11 +56,13 @@ impl Sweep {
                 centre,
                 amplitude: if turn.is_some() { settings.amplitude } else { 0.0 },
                 top: (top * part).max(bottom),
+                // Random phases and end frequencies keep joints that move together from moving alike.
                 phase: TAU * draws.uniform(0),
             }
         };
         Self {
             rate: settings.rate,
+            // In whole samples.
             turn: (settings.seconds * settings.rate).round() as usize,
             rest: (REST_SECONDS * settings.rate).round() as usize,
             ease: settings.ease,

@@ -17,6 +17,7 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result
     let refuse = |parameter: &SavedParameter, what: String| {
         Err(Error::failed(format!("{}: `{}` {what}", path.display(), shown(&parameter.name))))
     };
+    // A file of θ may be written by hand, so its numbers are not trusted.
     for parameter in &file.parameter {
         if let Some([low, high]) = parameter.interval
             && !(low.is_finite() && high.is_finite() && low <= high)

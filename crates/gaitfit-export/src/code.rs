@@ -28,6 +28,7 @@ const EXACT_LAG: f64 = 0.02;
 /// That actuators with delays of whole physics steps cannot have the fitted delays, with the numbers and what to do; `None`
 /// where they can.
 pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
+    // All joints get one lag; the joint that it suits least decides the note.
     let written = lag(joints, step) as f64 * step;
     let farthest = joints
         .iter()
@@ -67,6 +68,7 @@ pub(super) fn isaac_lab(
     let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
     let gain =
         |number: fn(&JointNumbers) -> f64| if gains { table(joints, number) } else { "None".to_owned() };
+    // Joints without a limit are left to the asset.
     let limited: Vec<&JointNumbers> = joints.iter().filter(|joint| joint.torque_limit.is_finite()).collect();
     let limits: Vec<String> =
         limited.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.torque_limit)).collect();
@@ -88,6 +90,8 @@ pub(super) fn isaac_lab(
         let _ = writeln!(text, "        effort_limit={{{}}},", limits.join(", "));
     }
     let _ = writeln!(text, "        armature={},", table(joints, |joint| joint.armature));
+    // Isaac's friction is that at rest, and its dynamic friction that in motion; stiction is what breaks away
+    // on top.
     let _ =
         writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss + joint.stiction));
     let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
@@ -129,6 +133,7 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
         return text;
     }
     text.push_str("ACTUATORS = (\n");
+    // Equal numbers make one actuator. Their bits are compared, as floats have no equality to rely on.
     let mut done: Vec<[u64; 3]> = Vec::new();
     for joint in joints {
         let key = [joint.kp, joint.kd, joint.torque_limit].map(f64::to_bits);

@@ -26,6 +26,7 @@ pub(super) fn document(
         })
         .collect();
     let robot = &candidate.robot;
+    // JSON has no infinity: a limit that a joint lacks is null.
     let finite = |number: f64| number.is_finite().then_some(number);
     let mut by_joint = Map::new();
     for (index, joint) in joints.iter().enumerate() {
@@ -50,6 +51,7 @@ pub(super) fn document(
         by_joint.insert(joint.name.clone(), Value::Object(numbers));
     }
     let mut links = Map::new();
+    // Only links that the fit changed, so the document stays short.
     for (body, change) in
         model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed())
     {

@@ -57,6 +57,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
     let robot = &candidate.robot;
     let numbers = |(j, joint): (usize, &gaitfit_model::Joint)| {
         let (stiffness, rest) = (joint.stiffness, joint.springref);
+        // A PD controller's torque is linear in both gains, so a factor on the torque is one on each gain.
         let scale = robot.torque_scale[j];
         let (kp_factor, kd_factor) = (scale * robot.kp_scale[j], scale * robot.kd_scale[j]);
         let (kp, kd) = gains.map_or((0.0, 0.0), |gains| (kp_factor * gains.kp[j], kd_factor * gains.kd[j]));
@@ -67,6 +68,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             frictionloss: robot.frictionloss[j],
             stiction: robot.stiction[j],
             load_friction: robot.load_friction[j],
+            // Two springs on one joint add their stiffness and their torque at angle 0.
             stiffness: stiffness + robot.stiffness[j],
             spring_torque: stiffness * rest + robot.spring_torque[j],
             kp,

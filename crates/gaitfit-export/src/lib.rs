@@ -107,14 +107,17 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
             (model, text, is_urdf)
         }
     };
+    // Before anything is made of the values.
     checks::parameters(&file, &settings.theta, &model)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
+    // Gains that the caller states win over those of the fit, which are taken in their place with a note.
     let (gains, note) = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
         Some((gains, place)) => {
             (Some(gains), Some(format!("the PD gains are those of {place}; --kp and --kd give others")))
         }
         None => (gains(settings, &model)?, None),
     };
+    // The step of the fit comes before the file's: the fitted numbers belong to it.
     let step = checks::step(settings.step)?.or(file.physics_step).unwrap_or(model.options.timestep);
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
     exported.notes.extend(note);
@@ -171,6 +174,7 @@ fn files_of(
             )
         }
     };
+    // Each parameter is listed with whether the robot's file can hold it; the others are in the code.
     let rows = file.parameter.iter().map(|parameter| Row {
         name: parameter.name.clone(),
         value: parameter.value,

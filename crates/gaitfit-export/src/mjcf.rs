@@ -102,6 +102,7 @@ pub(super) fn patched(
     );
     let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.has_spring);
     let passive = switch(&["passive", "damper", "spring"], passive);
+    // Only numbers that differ are written, so the file keeps its text and comments.
     for (joint, own) in joints.iter().zip(&model.joints) {
         // Elements `joint` of defaults, tendons and equalities are not joints of the tree.
         let node = document.descendants().find(|node| {
@@ -179,6 +180,7 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
     let changes = candidate.robot.body_changes(model);
     let changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
     let inertials: Option<Vec<_>> =
+        // One link without an inertial element of its own leaves all to the remarks.
         changed.map(|(body, change)| Some((inertial(document, &body.name)?, change))).collect();
     for (inertial, change) in inertials.unwrap_or_default() {
         for name in ["mass", "diaginertia", "fullinertia"] {
@@ -200,6 +202,7 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
 /// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
 /// MuJoCo's affine actuator makes g · ctrl + b₀ + b₁ · q + b₂ · q̇, with g of `gainprm` and b of `biasprm`.
 fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
+    // One controller a joint: a file may have several actuators on one.
     let mut order: Vec<(usize, String)> = Vec::new();
     for actuator in &model.actuators {
         if order.iter().all(|(joint, _)| *joint != actuator.joint) {
@@ -235,6 +238,7 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
         ));
     }
     block.push_str("\n  </actuator>");
+    // A file may have several blocks of actuators: the first is replaced and the others go.
     let mut old = document.root_element().children().filter(|node| node.has_tag_name("actuator"));
     match old.next() {
         Some(first) => edits.replace(first, block),

@@ -65,6 +65,7 @@ impl Parts {
     fn new(network: &SavedNetwork) -> Result<Parts, Error> {
         let mut rest = network.weights.as_slice();
         let mut layers = Vec::new();
+        // Weights lie layer by layer, a layer's matrix before its biases.
         for (inputs, outputs) in LAYERS {
             let wrong =
                 || Error::failed(format!("network `{}` has {} weights", network.name, network.weights.len()));

@@ -40,6 +40,7 @@ pub(super) fn patched(
         node.children().find(|child| child.has_tag_name(name)).map(|child| child.id())
     };
     for (joint, own) in joints.iter().zip(&model.joints) {
+        // Joints that the fit left alone keep their text.
         if joint.damping == own.damping && joint.frictionloss == own.frictionloss {
             continue;
         }

@@ -18,7 +18,7 @@ pub enum ArchiveError {
     Array {
         /// Its name.
         name: String,
-        /// What is wrong with it, and what to do.
+        /// The fault, and what to do.
         problem: ArrayProblem,
     },
     /// An archive that PyTorch did not write.

@@ -124,6 +124,8 @@ pub(crate) fn source(
             .collect();
         let whole = take.iter().any(|wanted| begins(&name.to_owned(), wanted));
         source.taken.extend(take.iter().filter(|wanted| begins(&name.to_owned(), wanted)).cloned());
+        // The names may choose whole files or arrays of one; a file that is chosen as a whole keeps all its
+        // arrays.
         if !whole && !source.taken.is_empty() {
             arrays.numbers.retain(|array, _| take.iter().any(|wanted| begins(array, wanted)));
             arrays.words.retain(|array, _| {
@@ -157,6 +159,7 @@ pub(crate) fn source(
     }
     differing(&arrays, mapping, rows)?;
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];
+    // Arrays with a row a sample become columns; the others are gains, or are left out by name.
     for (name, array) in &arrays.numbers {
         let role = role_of(name, mapping);
         let (length, width) = array.rows_and_width();

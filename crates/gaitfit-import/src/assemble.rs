@@ -71,13 +71,14 @@ impl Columns<'_> {
         };
         BaseState {
             position: self.group(&BASE_POSITION),
+            // From the fullest to the poorest: gravity alone shows no heading.
             quaternion: quaternion.or_else(from_angles).or_else(from_gravity),
             linear_velocity: self.group(&BASE_VELOCITY),
             angular_velocity: rates.clone(),
         }
     }
 
-    /// What motors were given besides targets.
+    /// Gains, velocities and torques that motors were given besides targets.
     fn motors(&self) -> MotorColumns {
         let of_motors = |prefix: &str| of_all(prefix, self.joints, self.columns, self.samples);
         MotorColumns {
@@ -140,6 +141,7 @@ pub(crate) fn trajectory(
     noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
     let command = all.group(&COMMAND);
     let has_quaternion = QUATERNION.iter().all(|name| columns.contains_key(*name));
+    // Angles are needed again only if the orientation was made of them: their order or unit may be wrong.
     let angles = all.group(&ROLL_PITCH_YAW).filter(|_| !has_quaternion && mapping.imu.mounting.is_none());
     let velocities: Vec<&String> = sources.iter().flat_map(|source| &source.velocity_joints).collect();
     let mut trajectory = Trajectory {
@@ -161,6 +163,7 @@ pub(crate) fn trajectory(
         simulated_step: sources.iter().find_map(|source| source.simulated_step),
         fell: sources.iter().any(|source| source.fell),
     };
+    // Before the checks below, which rely on arrays of the right lengths.
     trajectory.validate()?;
     if let Some(angles) = angles {
         noticed.extend(settle_angles(&mut trajectory, &angles));
@@ -230,6 +233,7 @@ fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Opt
         (None, None) => {}
         _ => return Err(problem("kp and kd: give both or none".into())),
     }
+    // Gains that comments of a file state come before those of arrays.
     for source in sources {
         let (Some((kp, at_kp)), Some((kd, at_kd))) = (&source.stated.kp, &source.stated.kd) else { continue };
         let kp = kp.resolve("kp", joints).map_err(|wrong| problem(format!("{at_kp}: {wrong}")))?;
@@ -239,6 +243,7 @@ fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Opt
     let usable = |gains: &Vec<f64>| gains.iter().all(|gain| gain.is_finite() && *gain >= 0.0);
     for source in sources {
         let Some((kp, kd)) = &source.gains else { continue };
+        // One number is that of all joints; any other count must be that of the joints.
         let spread = |gains: &Vec<f64>| match gains.as_slice() {
             [one] => Some(vec![*one; joints.len()]),
             all => (all.len() == joints.len()).then(|| all.to_vec()),

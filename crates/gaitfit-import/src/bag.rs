@@ -21,6 +21,8 @@ impl<W: Write> Bag<W> {
     /// # Errors
     /// A type that is not known here; what `sink` refuses.
     pub fn new(sink: W, topics: &[(&str, &str)]) -> Result<Self, ImportError> {
+        // Written as it comes: a recording that is cut off must be readable up to there, so nothing waits in
+        // a chunk for its end.
         let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true).compression(None);
         let options = options.profile("ros2").library("gaitfit");
         let mut writer = options.create(NoSeek::new(sink)).map_err(|error| unwritten(&error))?;

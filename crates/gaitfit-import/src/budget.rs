@@ -9,13 +9,13 @@ pub enum BudgetError {
     /// Numbers beyond [`crate::Options::max_values`].
     #[error("more than {limit} numbers; cut the recording, or raise `max_values`")]
     Values {
-        /// How many are allowed.
+        /// Number that is allowed.
         limit: usize,
     },
     /// Bytes beyond four times [`crate::Options::max_bytes`].
     #[error("more than {limit} bytes when unpacked; cut the recording, or raise `max_bytes`")]
     Bytes {
-        /// How many are allowed.
+        /// Number that is allowed.
         limit: usize,
     },
 }
@@ -27,9 +27,9 @@ pub enum UnpackError {
     /// It ends early, or its content does not fit.
     #[error("{packer}: {source}; the file is damaged")]
     Damaged {
-        /// How it is packed.
+        /// Name of the packing.
         packer: &'static str,
-        /// What the unpacker says.
+        /// Fault that the unpacker names.
         source: std::io::Error,
     },
     /// A Zstandard frame that does not begin as one.

@@ -21,17 +21,17 @@ const JITTER: f64 = 0.2;
 pub enum ClockFinding {
     /// Samples came out of order and were sorted.
     Disorder {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Samples with the time of the one before were dropped.
     Repeated {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Samples with the time of the one before and other values were placed between their neighbours.
     Late {
-        /// How many.
+        /// Number of samples.
         samples: usize,
     },
     /// Stamps had lost their digits, and rows were spaced evenly.
@@ -41,7 +41,7 @@ pub enum ClockFinding {
     },
     /// Samples are missing.
     Gaps {
-        /// How many gaps.
+        /// Number of gaps.
         gaps: usize,
         /// About how many samples are missing.
         lost: usize,
@@ -129,6 +129,8 @@ fn sort(table: &mut Table) -> Result<usize, ImportError> {
         ));
     }
     if disorder > 0 {
+        // A little disorder is sorted; one stamp far back is damaged, and sorting would move its row to
+        // another place.
         let mut latest = f64::NEG_INFINITY;
         for (row, &time) in table.time.iter().enumerate() {
             if latest - time > FAR_BACK_S {
@@ -166,6 +168,7 @@ fn space(table: &mut Table, rate_hz: Option<f64>) -> Result<Option<ClockFinding>
             table.time = times;
             Ok(Some(ClockFinding::Coarse { even }))
         }
+        // Only quantities that are sampled all the time need their spacing; a command may come at any time.
         Stamps::Lost(coarse, why) if is_sampled(table) => {
             let hint = velocity_rate(table).map_or(String::new(), |rate| {
                 format!("; the velocities fit about {} rows a second", shown_number(rate))
@@ -224,6 +227,8 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
         return Err(refused(table, format!("sample {bad} has no time")));
     }
     let mut findings = Vec::new();
+    // Order matters: rows are sorted, then spaced, then repeated ones are dropped, and the rest placed
+    // between neighbours.
     let disorder = sort(table)?;
     if disorder > 0 {
         findings.push(ClockFinding::Disorder { samples: disorder });
@@ -243,6 +248,7 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
     if placed > 0 {
         findings.push(ClockFinding::Late { samples: placed });
     }
+    // Gaps and jitter are judged at last, on the times that the log will have.
     let spacing = spacing(&table.time);
     if let Some(spacing) = &spacing {
         findings.extend(spacing_findings(&table.time, spacing));
@@ -290,6 +296,7 @@ fn velocity_rate(table: &Table) -> Option<f64> {
 fn place_between(time: &mut [f64]) -> usize {
     let mut placed = 0;
     let mut row = 1;
+    // Runs of equal times; their last row keeps the time.
     while row < time.len() {
         let mut end = row;
         while end < time.len() && time[end] == time[row - 1] {

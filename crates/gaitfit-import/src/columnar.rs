@@ -143,6 +143,8 @@ impl Frame {
             typed = column.per_second.is_some();
             sparse.time = Column::reals(column.values, column.per_second);
         }
+        // Rows need some time until they are split; it is taken away again below, where a stated rate gives
+        // the real one.
         if time.is_none() {
             sparse.time = (0..self.rows).map(|row| row as f64).collect();
         }
@@ -174,6 +176,7 @@ impl Frame {
             let Column { lengths, values, per_second, .. } = column;
             let rows = self.rows;
             let shape = match lengths {
+                // An array has a number in every row.
                 None if values.len() == rows => vec![rows],
                 None => {
                     left_out.push(format!("{}: rows without a value", shown(&label)));
@@ -194,6 +197,7 @@ impl Frame {
             arrays.numbers.insert(label, Array { shape, data: Column::reals(values, per_second) });
         }
         let mut source = arrays::source(name, kind, arrays, mapping, budget)?;
+        // A typed time says its unit itself, so its name must not suggest another.
         for table in &mut source.tables {
             let is_typed = |name: &String| typed.iter().any(|typed| typed.rsplit('/').next() == Some(name));
             table.time_name = table.time_name.take().filter(|name| !is_typed(name));

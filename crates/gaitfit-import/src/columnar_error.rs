@@ -24,15 +24,15 @@ pub enum ColumnarError {
     Values {
         /// The column.
         column: String,
-        /// What is wrong with it, and what to do.
+        /// The fault, and what to do.
         problem: &'static str,
     },
     /// A packed page.
     #[error("{packer}: {problem}")]
     Packed {
-        /// How it is packed.
+        /// Name of the packing.
         packer: &'static str,
-        /// What the unpacker says.
+        /// Fault that the unpacker names.
         problem: String,
     },
     /// A column that cannot be read.
@@ -40,7 +40,7 @@ pub enum ColumnarError {
     Column {
         /// Its name.
         column: String,
-        /// What is wrong with it.
+        /// The fault.
         problem: Box<Problem>,
     },
     /// A dataset or a group that cannot be read.
@@ -48,7 +48,7 @@ pub enum ColumnarError {
     Object {
         /// Its path.
         path: String,
-        /// What is wrong with it.
+        /// The fault.
         problem: Box<Problem>,
     },
     /// A group whose content cannot be listed.
@@ -56,7 +56,7 @@ pub enum ColumnarError {
     Group {
         /// Its path.
         path: String,
-        /// What the library says.
+        /// Fault that the library names.
         problem: String,
     },
 }

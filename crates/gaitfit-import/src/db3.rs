@@ -29,6 +29,7 @@ pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budge
         })?;
     }
 
+    // Topics before messages, which name them by number.
     let table = needed(&database, "topics")?;
     let column =
         |table: &TableInfo, name: &'static str| table.column(name).ok_or(SqliteError::NoColumn(name));
@@ -57,6 +58,7 @@ pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budge
         else {
             return Ok(());
         };
+        // Bags may pack each message by itself.
         if data.starts_with(ZSTD) {
             let unpacked = unzstd(data, budget)?;
             return messages.message(*topic, time, &unpacked, budget);

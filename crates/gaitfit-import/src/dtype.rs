@@ -49,6 +49,7 @@ impl DType {
 
     /// The number in `bytes`, which are as many as [`DType::bytes`] says.
     pub fn number(self, bytes: &[u8]) -> Option<f64> {
+        // Brought into little-endian order and widened to 8 bytes, so that one read serves all sizes.
         let mut raw = [0u8; 8];
         let raw = raw.get_mut(..self.size)?;
         raw.copy_from_slice(bytes.get(..self.size)?);

@@ -17,7 +17,7 @@ pub enum ImportError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was attempted.
+        /// The action that failed.
         action: &'static str,
         /// The system's reason.
         source: std::io::Error,
@@ -50,9 +50,9 @@ pub enum ImportError {
     Refused {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the file.
         what: &'static str,
-        /// How to convert it.
+        /// Command that converts it, or advice.
         remedy: String,
     },
     /// The file's content does not fit its kind.
@@ -62,7 +62,7 @@ pub enum ImportError {
         path: PathBuf,
         /// Its kind.
         kind: &'static str,
-        /// What is wrong with it, and what to do.
+        /// The fault, and what to do.
         problem: Problem,
     },
     /// The mapping says something that the file does not have, or that cannot be.
@@ -87,7 +87,7 @@ pub enum ImportError {
          file, the robot whose order they have by `--robot`, or the policy that moved them by `--policy`", .count.saturating_sub(1)
     )]
     NoJointNames {
-        /// How many there are.
+        /// Number of numbered joints.
         count: usize,
     },
     /// Motors that nobody names move.
@@ -100,9 +100,9 @@ pub enum ImportError {
     MotorsBeyond {
         /// Their numbers.
         motors: String,
-        /// How many motors have names.
+        /// Number of motors that have names.
         named: usize,
-        /// Where the names are from, and the first and last of them.
+        /// Source of the names, and the first and last of them.
         names: String,
     },
     /// Joints that have other quantities, or numbers among others that do, have no positions.
@@ -113,11 +113,11 @@ pub enum ImportError {
         shown(joint)
     )]
     JointMissing {
-        /// How many joints have positions.
+        /// Number of joints that have positions.
         have: usize,
         /// The first joint without one.
         joint: String,
-        /// What says that there is such a joint.
+        /// The quantity that shows that there is such a joint.
         why: String,
     },
     /// A stream that the caller asked for is not there.
@@ -175,7 +175,7 @@ pub enum ImportError {
     Clock {
         /// The stream.
         stream: String,
-        /// What is wrong with its times, and what to do.
+        /// The fault of its times, and what to do.
         problem: String,
     },
     /// Two streams were recorded at different times.

@@ -60,11 +60,13 @@ impl Reader<'_> {
         };
         let path = |name: &str| if above.is_empty() { name.to_owned() } else { format!("{above}/{name}") };
         for name in group.datasets().map_err(unlisted)? {
+            // Counted before it is opened: a small file may have very many objects.
             self.count()?;
             let path = path(&name);
             let dataset = group.dataset(&name).map_err(|error| wrong(&path, library(error).into()))?;
             self.dataset(&dataset, &path).map_err(|problem| wrong(&path, problem))?;
         }
+        // Groups may contain one another.
         if depth == MAX_DEPTH {
             return Ok(());
         }
@@ -117,6 +119,7 @@ impl Reader<'_> {
             // Pictures, structures, references.
             _ => return Ok(()),
         }
+        // Before anything is unpacked.
         self.budget.take_values(elements)?;
         self.budget.take_bytes(raw)?;
         self.budget.take_bytes(chunk)?;

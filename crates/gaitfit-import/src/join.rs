@@ -83,12 +83,14 @@ impl Common {
                     second_s: [*first, *last],
                 });
             }
+            // Commands come when somebody gives one, so their stream does not bound the log's time.
             if table.columns.keys().all(|name| COMMAND.contains(&name.as_str())) {
                 if *first > state_first {
                     joined.assumed.push(format!("{}: the command before its first message is 0", table.name));
                 }
                 continue;
             }
+            // Targets and actions answer a state, so they begin with the first row that has an answer.
             let answers = |name: &str| is_held(name) && !COMMAND.contains(&name);
             if table.columns.keys().any(|name| answers(name)) {
                 let placed = place(&state.time, table, is_held);
@@ -158,6 +160,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
         return Err(ImportError::Clock { stream: state.name.clone(), problem });
     }
     joined.dropped = [begin, state.time.len() - end];
+    // The positions give the rows; other streams are brought to their times.
     joined.time = state.time[begin..end].to_vec();
     for (name, values) in &state.columns {
         joined.columns.insert(name.clone(), values[begin..end].to_vec());

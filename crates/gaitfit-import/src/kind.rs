@@ -81,8 +81,10 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
     } else if starts(b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19") {
         // The magic number that torch.save wrote before its archives.
         Some(Kind::TorchLegacy)
+    // Pickles and texts have no sure mark, so they are looked for last.
     } else if is_pickle(bytes) || is_old_pickle(bytes) {
         Some(Kind::Pickle)
+    // A text has no zero bytes.
     } else if !bytes.iter().take(4096).any(|byte| *byte == 0) && !bytes.is_empty() {
         Some(Kind::Text)
     } else {

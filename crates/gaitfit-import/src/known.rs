@@ -49,7 +49,7 @@ pub(crate) const WALK_THESE_WAYS: [&str; 12] = [
     "RR_hip", "RR_thigh", "RR_calf",
 ];
 
-/// What an array holds.
+/// Meaning of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Role {
     Time,
@@ -75,7 +75,7 @@ pub(crate) enum Role {
     FeedForward,
     /// Gravity in the base's frame.
     Gravity,
-    /// What a policy observed.
+    /// Numbers that a policy observed.
     Observation,
 }
 
@@ -136,7 +136,8 @@ pub(crate) const GRAVITY: [&str; 3] = ["projected_gravity_x", "projected_gravity
 const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
 const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
 
-/// What an array called `name` holds, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and their like use.
+/// Meaning of an array called `name`, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and
+/// their like use.
 pub(crate) fn role(name: &str) -> Option<Role> {
     let name = name.rsplit(['/', '.']).next().unwrap_or(name).to_lowercase();
     Some(match name.as_str() {
@@ -177,7 +178,7 @@ pub(crate) fn role(name: &str) -> Option<Role> {
     })
 }
 
-/// What a column of numbers called `name` is called here, if it is known.
+/// The log's name of a column of numbers called `name`, if it is known.
 pub(crate) fn canonical(name: &str) -> Option<String> {
     if let Some(known) = known_name(name) {
         return Some(known);
@@ -188,6 +189,7 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
     let parts: Vec<&str> = even.split('/').filter(|part| !part.is_empty()).collect();
     // Larger numbers are part of a name: no robot has so many motors.
     let number = |text: &str| text.parse::<usize>().ok().filter(|number| *number < 1024);
+    // From the most specific path to the most general: an element of an array fits almost anything.
     match parts.as_slice() {
         [.., "motor_state", i, "q"] => number(i).map(|i| format!("q_#m{i}")),
         [.., "motor_state", i, "dq"] => number(i).map(|i| format!("dq_#m{i}")),

@@ -52,6 +52,7 @@ pub(crate) fn place(state: &[f64], table: &Table, is_held: impl Fn(&str) -> bool
     let mut steps: Vec<f64> = state.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut between: Vec<f64> =
         new.windows(2).map(|pair| table.time[pair[1]] - table.time[pair[0]]).collect();
+    // A single state has no interval to measure a lead by.
     let Some(step) = typical(&mut steps) else {
         return Placed { rows: last_before(state, table, &new), lead: None, faster: false };
     };
@@ -65,6 +66,7 @@ pub(crate) fn place(state: &[f64], table: &Table, is_held: impl Fn(&str) -> bool
     let mut leads = Vec::with_capacity(new.len());
     for &message in &new {
         let at = table.time[message];
+        // Only the neighbours can be meant: the row before, the one at the message, and the next.
         let next = state.partition_point(|time| *time <= at + SAME);
         let first = next.saturating_sub(2);
         let near = (first..(next + 1).min(state.len()))
@@ -72,6 +74,7 @@ pub(crate) fn place(state: &[f64], table: &Table, is_held: impl Fn(&str) -> bool
         let Some(near) = near else { continue };
         let lead = at - state[near];
         let answers = (lead - usual).abs() <= ASTRAY * step;
+        // A message that is astray holds from the next row on, as it would without any lead.
         let row = if answers { near } else { next };
         if answers {
             leads.push(lead);

@@ -111,11 +111,11 @@ impl Default for Options {
 pub struct Imported {
     /// The log. Its time begins at 0.
     pub trajectory: Trajectory,
-    /// What was read, assumed and left out.
+    /// Report of what was read, assumed and left out.
     pub report: ImportReport,
 }
 
-/// What was read, assumed and left out.
+/// Report of what was read, assumed and left out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ImportReport {
     /// The files and their kinds.
@@ -149,6 +149,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         let path = path.as_ref();
         let mut source = open::source(path, options)?;
         report.files.push((path.to_owned(), source.kind));
+        // Names, joints and units are settled file by file; only then can files be compared.
         resolve::rename(&mut source, mapping)?;
         resolve::name_joints(&mut source, mapping)?;
         resolve::convert(&mut source, mapping)?;
@@ -170,6 +171,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
             if source.origin_ns != 0 && first != 0 && later != 0.0 {
                 table.time.iter_mut().for_each(|time| *time += later);
             }
+            // The positions' clock is the log's, so an asked offset moves all others.
             let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
             if let Some(offset) = mapping.clock_offset_s.filter(|_| !is_state) {
                 table.time.iter_mut().for_each(|time| *time += offset);
@@ -185,6 +187,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         report.noticed.append(&mut source.noticed);
     }
     let has_positions = |table: &table::Table| table.columns.keys().any(|name| name.starts_with("q_"));
+    // An offset without a stream to move would be taken for applied.
     if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
         return Err(ImportError::NothingToShift);
     }
@@ -203,6 +206,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     let noticed = &mut report.noticed;
     let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out, noticed)?;
     gaitfit_log::allow(noticed, &mapping.allow);
+    // Thinned last: leads and clocks are measured on all rows.
     if let Some(every) = mapping.every.filter(|_| !thinned) {
         trajectory = trajectory.thinned(every);
     }

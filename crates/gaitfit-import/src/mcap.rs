@@ -80,6 +80,7 @@ fn records(
                         return Err(McapError::Packer(other.to_owned()).into());
                     }
                 };
+                // Chunks do not nest, so records of one are not `outside`.
                 records(unpacked.as_deref().unwrap_or(packed), seen, messages, budget, false)?;
             }
             op::SCHEMA => {
@@ -124,6 +125,7 @@ fn records(
             _ => {}
         }
     }
+    // The file ended without a footer, so it was cut; a chunk has none.
     Ok(outside)
 }
 

@@ -143,6 +143,7 @@ impl<W: Write + Seek> McapLog<W> {
     /// # Errors
     /// A time that no message can have; what the sink refuses.
     pub fn row(&mut self, row: &McapRow<'_>) -> Result<(), ImportError> {
+        // Messages have unsigned times, so a log on a clock of its own is shifted once, by its first row.
         let start = if row.time >= UNIX_S { 0.0 } else { 1.0 - row.time };
         let at = row.time + *self.shift.get_or_insert(start);
         if !(0.0..=f64::from(i32::MAX)).contains(&at) {
@@ -154,6 +155,7 @@ impl<W: Write + Seek> McapLog<W> {
         self.send("/joint_states", ns, states)?;
         for (topic, values) in [("/joint_targets", row.target), ("/joint_actions", row.action)] {
             if let Some(values) = values {
+                // Targets get the time at which they were sent, so that a reader finds the same lead again.
                 let sent = ((at + row.lead) * 1e9).round() as u64;
                 let message = Message::joint_state(sent, &self.joints, [values, &[], &[]]);
                 self.send(topic, sent, message)?;

@@ -34,6 +34,7 @@ pub(crate) fn read_npz(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Prob
 pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Budget) -> Result<(), Problem> {
     let wrong = |problem| ArchiveError::Array { name: name.to_owned(), problem };
     let refuse = |problem| Err(wrong(problem).into());
+    // Version 1 states the header's length in 2 bytes, later ones in 4.
     let length = match bytes.get(6) {
         Some(1) => bytes.get(8..10).map(|two| usize::from(u16::from_le_bytes([two[0], two[1]]))),
         _ => bytes.get(8..12).map(|four| u32::from_le_bytes([four[0], four[1], four[2], four[3]]) as usize),
@@ -65,6 +66,7 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
     };
     let shape: Option<Vec<usize>> = header.shape().iter().map(|size| usize::try_from(*size).ok()).collect();
     let Some(shape) = shape.filter(|shape| shape.len() <= 8) else { return refuse(ArrayProblem::Shape) };
+    // Counted against the bytes that are there, before memory is taken.
     let elements =
         count(&shape).filter(|count| count.checked_mul(dtype.bytes()).is_some_and(|n| n <= rest.len()));
     let Some(elements) = elements else { return refuse(ArrayProblem::CutShort) };

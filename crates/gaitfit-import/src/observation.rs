@@ -33,8 +33,11 @@ pub(crate) fn unpack(
             ),
         });
     }
+    // Columns that the recording has itself are more exact than an observation, which was scaled and perhaps
+    // noisy.
     for (part, mut values) in parts.iter().zip(observed.into_values()) {
         let Some(part) = part.as_ref().filter(|part| !columns.contains_key(&part.column)) else { continue };
+        // The inverse of what the policy's interface does.
         values.iter_mut().for_each(|value| *value = *value / part.scale + part.offset);
         columns.insert(part.column.clone(), values);
     }

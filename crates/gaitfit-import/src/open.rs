@@ -20,6 +20,7 @@ const MAX_FILES: usize = 1000;
 
 /// Reads a file or a bag's folder.
 pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportError> {
+    // Unpacked data may be larger than the file, but not without limit.
     let most_bytes = usize::try_from(options.max_bytes.saturating_mul(4)).unwrap_or(usize::MAX);
     let mut budget = Budget::new(options.max_values, most_bytes);
     let mapping = &options.mapping;
@@ -28,12 +29,14 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
     }
     let mut bytes = read(path, options.max_bytes)?;
     let mut kind = kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
+    // A packed file is looked at once more, and only once.
     if kind == Kind::Zstd {
         bytes = unzstd(&bytes, &mut budget).map_err(|problem| content(path, kind, problem))?;
         kind = crate::kind::kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
     }
     // A rate is what such a log may lack.
     let only_rate = Mapping { rate_hz: mapping.rate_hz, every: mapping.every, ..Mapping::default() };
+    // A log of gaitfit's own has comments and sidecar files that the plain reader of tables does not know.
     if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
         drop(bytes);
         return read_log(path, options);
@@ -182,6 +185,7 @@ fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, 
     if files.is_empty() {
         return Err(ImportError::NotAFile { path: folder.to_owned() });
     }
+    // One reader for all files: topics go on from one to the next.
     let mut messages = Messages::new(&options.mapping);
     let mut cut = false;
     let mut storage = Kind::Mcap;

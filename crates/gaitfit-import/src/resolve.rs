@@ -26,6 +26,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                 || take.iter().any(|wanted| {
                     table.name.starts_with(wanted.as_str()) || name.starts_with(wanted.as_str())
                 });
+            // What the mapping says wins, and takes the quantity away from columns that only look like it.
             let known = match said.get(&name) {
                 Some(known) => Some(known.clone()),
                 None => canonical(&name).filter(|known| !is_said(known, mapping)),
@@ -34,6 +35,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                 unknown.push(name);
                 continue;
             };
+            // A stream of joint states may carry targets or actions: the mapping says so by its name.
             if let Some(joint) = known.strip_prefix("q_") {
                 let begins = |list: &[String]| list.iter().any(|stream| name.starts_with(stream.as_str()));
                 let named = |list: &[String]| list.contains(&table.name) || begins(list);
@@ -48,6 +50,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                 observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
                 continue;
             }
+            // Two columns of one quantity: which one is meant cannot be guessed.
             if columns.contains_key(&known) {
                 return Err(ImportError::Ambiguous {
                     what: known,
@@ -166,6 +169,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
                         out.insert((*name).clone(), column);
                     }
                 }
+                // An array's elements have names of their own already, so a pattern may fit none of them.
                 let is_array =
                     present.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
                 if out.len() == before && !is_array {
@@ -258,6 +262,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
             None => return Err(ImportError::NoJointNames { count }),
         },
     };
+    // Checked while the numbers are still in the names.
     let spare = spare_motors(source, &motors, mapping)?;
     missing_number(source, &motors, &joints)?;
     for table in &mut source.tables {
@@ -300,6 +305,7 @@ fn spare_motors(source: &Source, motors: &[String], mapping: &Mapping) -> Result
         count = count.max(number + 1);
         let finite = || values.iter().copied().filter(|value| value.is_finite());
         let span = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
+        // A slot that never moves is an empty place in the message, not a joint.
         if prefix == "q" && span > MOVES {
             moving.push(number);
         }
@@ -369,6 +375,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
             if table.time.iter().any(|time| !time.is_finite()) {
                 return Err(problem("a sample without a time".into()));
             }
+            // What is stated wins, then what the column's name says, then what its numbers suggest.
             let unit = match mapping.time.unit {
                 Some(unit) => TimeUnit::from(unit),
                 None => match TimeUnit::ALL.into_iter().find(|unit| name.ends_with(suffix(*unit))) {

@@ -144,6 +144,7 @@ impl<'a> Database<'a> {
         left: &mut Left,
         row: &mut RowVisitor<'_>,
     ) -> Result<(), Problem> {
+        // Pages may refer to one another; each counts when it is visited.
         left.pages = left.pages.checked_sub(1).ok_or_else(damaged)?;
         if depth > DEEPEST {
             return Err(damaged().into());
@@ -159,6 +160,7 @@ impl<'a> Database<'a> {
             13 => 8,
             _ => return Err(damaged().into()),
         };
+        // Keys rise from cell to cell, and the pages beyond the last key hang on the header.
         for cell in 0..cells {
             let at = usize::from(be16(page, start + head + 2 * cell)?);
             if kind == 5 {
@@ -207,6 +209,7 @@ impl<'a> Database<'a> {
         let mut content = Vec::with_capacity(size);
         content.extend_from_slice(page.get(at..at + here).ok_or_else(damaged)?);
         let mut next = be32(page, at + here)?;
+        // The rest of the row lies in a list of overflow pages, each beginning with the number of the next.
         while content.len() < size {
             left.pages = left.pages.checked_sub(1).ok_or_else(damaged)?;
             let overflow = self.page_bytes(next)?;
@@ -269,6 +272,7 @@ fn columns(sql: &str) -> Vec<String> {
     let Some(inside) = sql.split_once('(').and_then(|(_, rest)| rest.rsplit_once(')')) else {
         return Vec::new();
     };
+    // Commas in brackets, as of types or checks, separate nothing.
     let mut depth = 0;
     let parts = inside.0.split(|c| {
         match c {

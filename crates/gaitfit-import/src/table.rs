@@ -11,7 +11,7 @@ pub(crate) const MAX_COLUMNS: usize = 4096;
 pub(crate) struct Table {
     /// Topic, file or group of columns, for messages.
     pub name: String,
-    /// Which clock the times are of, for the report.
+    /// Clock that the times are of, for the report.
     pub clock: &'static str,
     /// s since the source's origin; one a row. Empty: the file has no times.
     pub time: Vec<f64>,
@@ -39,7 +39,7 @@ impl Table {
     }
 }
 
-/// What was read from one file.
+/// Content of one file.
 #[derive(Debug, Default)]
 pub(crate) struct Source {
     /// Kind of file, for the report.

@@ -3,7 +3,7 @@
 use crate::table::MAX_COLUMNS;
 use gaitfit_model::shown;
 
-/// What is wrong with a file's columns or arrays.
+/// Fault of a file's columns or arrays.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
@@ -16,13 +16,13 @@ pub enum TableError {
     /// A text that is no table.
     #[error("lines longer than a megabyte; is this a CSV file?")]
     LongLines,
-    /// What the CSV reader cannot read.
+    /// Fault that the CSV reader names.
     #[error("{0}")]
     Csv(String),
     /// Too many columns in a CSV file.
     #[error("{count} columns, more than {MAX_COLUMNS}; drop unused ones")]
     ManyColumns {
-        /// How many there are.
+        /// Number of columns.
         count: usize,
     },
     /// Too many columns in a file of columns or arrays.

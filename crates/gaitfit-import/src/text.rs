@@ -27,6 +27,7 @@ pub(crate) fn read(
         .lines()
         .find(|line| !line.trim().is_empty() && !line.starts_with('#'))
         .ok_or(TableError::Empty)?;
+    // A file of another kind may look like text of very long lines.
     if text.lines().take(100).any(|line| line.len() > MAX_LINE) {
         return Err(TableError::LongLines.into());
     }
@@ -87,6 +88,7 @@ pub(crate) fn read(
                     columns[column].0.push(row);
                     columns[column].1.push(value);
                 }
+                // Only the first word is kept: it decides about the column, and the message names it.
                 Err(_) => {
                     words[column].get_or_insert_with(|| (line(), cell.to_owned()));
                 }

@@ -51,12 +51,14 @@ impl Training<'_> {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             for index in 0..runner.environment.count() {
                 let Some(snapshot) = left.next() else {
+                    // Environments before this one have already changed.
                     let what = "are of fewer environments".to_owned();
                     return Err(TaskError::Setting { setting: "the robots' states".to_owned(), what });
                 };
                 runner.environment.set_snapshot(index, snapshot)?;
                 runner.returns[index] = snapshot.returns;
             }
+            // Once a tile, after its last robot: it computes the motion of all of them.
             runner.environment.refresh();
         }
         self.iteration = iteration;

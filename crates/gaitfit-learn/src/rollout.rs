@@ -131,6 +131,8 @@ impl<'a> Runner<'a> {
             recorder.act(learner, step);
             let (action, reward) = recorder.exchange();
             environment.step(step, action, reward, ended);
+            // After a first failure the function is not called again: the iteration ends with an error
+            // anyway.
             if let Some(terms) = environment.user_terms().filter(|_| !*terms_failed) {
                 *terms_failed = !terms.apply(environment, reward, ended);
             }
@@ -139,6 +141,7 @@ impl<'a> Runner<'a> {
                 divergence.get_or_insert(Divergence { step: t, environment: first, term });
             }
             for (index, reward) in reward.iter().enumerate() {
+                // The state of a robot that came apart would make the mean errors NaN.
                 let whole = ended[index] != Ended::Diverged;
                 tally.step(*reward, if whole { environment.tracking_error(index) } else { [0.0; 2] });
                 tally.levels += environment.cell(index).map_or(0.0, |cell| cell.level as f64);
@@ -146,6 +149,8 @@ impl<'a> Runner<'a> {
                 so_far[0] += reward;
                 so_far[1] += 1.0;
                 ends[index] = match ended[index] {
+                    // A time-out says nothing of the state's value, so the critic stands in for the reward
+                    // that is cut off.
                     Ended::No => End::No,
                     Ended::TimeOut => End::Truncated,
                     Ended::Fall | Ended::Diverged => End::Terminated,

@@ -17,6 +17,7 @@ pub(crate) fn in_tiles<T: Send>(
     work: impl Fn(u32, usize) -> Result<Vec<T>, TaskError> + Sync,
 ) -> Result<Vec<T>, TaskError> {
     let failed = AtomicBool::new(false);
+    // Relaxed is enough: the flag only saves work, and each result tells of its own failure.
     let one = |index: usize| {
         if failed.load(Ordering::Relaxed) {
             return Ok(Vec::new());

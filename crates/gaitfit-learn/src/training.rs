@@ -248,6 +248,8 @@ impl<'a> Training<'a> {
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
             let mut environment = Environment::among(task, candidates, seed, first as u32, count)?;
+            // Ages, ranges and commands are set before the first rollout, because `Environment::among` starts
+            // all robots alike.
             environment.stagger();
             environment.set_command_ranges(growth.ranges(task, 0));
             environment.draw_commands();
@@ -280,6 +282,7 @@ impl<'a> Training<'a> {
         policy: &Policy,
         seed: u64,
     ) -> Result<Learner, TrainingError> {
+        // A fresh normaliser would scale inputs that the networks were trained without.
         if ppo.normalise_observations && policy.normaliser.is_none() {
             return Err(TrainingError::Learner(LearnerError::Settings(SettingsError {
                 name: "normalise_observations",
@@ -294,6 +297,7 @@ impl<'a> Training<'a> {
         let actor_memory = policy.actor_memory().cloned();
         let (critic, critic_memory) = match &policy.critic {
             Some(critic) => (critic.clone(), policy.critic_memory.clone()),
+            // A memory like the actor's, with weights of its own drawn from another number of the stream.
             None => {
                 let like = |actor: &Recurrent| {
                     let shape = RecurrentShape { inputs: widths.critic_observation, ..actor.shape() };
@@ -308,6 +312,7 @@ impl<'a> Training<'a> {
         let (networks, memories) = ([policy.actor.clone(), critic], [actor_memory, critic_memory]);
         let log_std = policy.log_std.clone();
         let mut learner = Learner::with_memories(ppo.clone(), widths, seed, networks, memories, log_std)?;
+        // A new critic keeps the new normaliser that the settings may have given it.
         let critic_normaliser = match &policy.critic {
             Some(_) => policy.critic_normaliser.clone(),
             None => learner.critic_normaliser().cloned(),
@@ -395,6 +400,7 @@ impl<'a> Training<'a> {
             threads,
             || (),
             |(), tile| {
+                // Each tile is locked once by whichever thread takes it: nobody waits.
                 let mut runner = self.runners[tile].lock().unwrap_or_else(PoisonError::into_inner);
                 runner.environment.set_command_ranges(ranges);
                 runner.rollout(&self.learner, first_step);
@@ -404,6 +410,7 @@ impl<'a> Training<'a> {
         let begin = Instant::now();
         let mut tally = Tally::default();
         let (mut first, mut terms_failed) = (None, false);
+        // In the order of the tiles, so that sums and the first divergence do not depend on threads.
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             tally.add(&runner.tally);

@@ -101,6 +101,7 @@ impl Form {
     fn parse(text: &str, path: &Path) -> Result<Self, String> {
         // Spreadsheets put a byte order mark before the text.
         let text = text.trim_start_matches('\u{feff}');
+        // A form written by hand need not name its policy; then the file's name does.
         let named = text.lines().find_map(|line| line.strip_prefix("# policy = "));
         let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
         let policy =
@@ -116,6 +117,7 @@ impl Form {
                 .map_err(|error| format!("{error}. Does a number have a comma? Write a point, as in 0.35"))?;
             let line = record.position().map_or(0, csv::Position::line);
             let number = record.get(columns.needed[0]).unwrap_or("").to_owned();
+            // A row that was copied and not renumbered would count one walk twice.
             if let Some(first) = lines.insert(number.clone(), line) {
                 return Err(format!(
                     "line {line}: trial `{}` is in line {first} already; number each trial once",
@@ -219,6 +221,7 @@ impl Columns {
             }
         };
         let filled = self.ends.iter().filter(|(column, _, _)| !cell(*column).is_empty()).count();
+        // A robot that fell has no end to measure, whatever was written.
         match (filled, fell) {
             (0, false) => return Ok(None),
             (_, true) => return Ok(Some(Measured { direction, error: None })),

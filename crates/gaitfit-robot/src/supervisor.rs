@@ -290,6 +290,7 @@ impl Supervisor {
         {
             self.stop(now, reason);
         }
+        // After the stops above: a phase that is over must not begin the next one on a stale state.
         self.advance(now);
         let wanted = self.wanted(now);
         self.sent = match (self.watch.state(), self.phase) {

@@ -24,6 +24,7 @@ pub fn together<T: Send>(
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let results = Mutex::new(Vec::new());
     let worker = |worker: usize| {
+        // Workers fetch the next name when they are free, so a short work does not wait for a long one.
         while !failed.load(Ordering::Relaxed) {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(name) = names.get(number) else { break };
@@ -41,6 +42,7 @@ pub fn together<T: Send>(
         }
     });
     let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    // They came in the order in which they ended.
     results.sort_by_key(|(number, _)| *number);
     let (mut outputs, mut failure) = (Vec::with_capacity(results.len()), None::<Error>);
     for (_, result) in results {
@@ -73,6 +75,7 @@ impl Speaker<'_> {
         let name = self.name;
         let counted = || self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
+            // Several speak at once, so each line begins with its name; the progress bar is nobody's.
             Event::Note(text) => watch.note(&format!("{name}: {text}")),
             Event::Stage(text) => watch.tell(Event::Stage(&format!("{name}: {text}"))),
             Event::Output(line) => watch.tell(Event::Output(&format!("{name}: {line}"))),
@@ -90,6 +93,7 @@ impl Speaker<'_> {
             // Metrics and polls are not of a cell; the enum may grow.
             _ => {}
         }
+        // Asked at every event, as a work that only computes would not notice the failure of another.
         if failed.load(Ordering::Relaxed) || watch.stop() {
             ControlFlow::Break(())
         } else {

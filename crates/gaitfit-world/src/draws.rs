@@ -53,6 +53,7 @@ pub fn candidates(
         }
         let values =
             row(line, columns.len()).map_err(|problem| wrong(format!("line {}: {problem}", number + 1)))?;
+        // A row replaces the fit's values; modifications and networks stay those of the fit.
         let mut drawn = fit.clone();
         for (column, value) in columns.iter().zip(values) {
             let Some(column) = *column else { continue };
@@ -60,6 +61,7 @@ pub fn candidates(
             // A draw may lie beyond the bounds of the search.
             (parameter.value, parameter.lower, parameter.upper) = (value, None, None);
         }
+        // Applied like a fit, so a row that makes no robot is refused by its line.
         let robot = drawn.apply(model, base.clone());
         robots.push(robot.map_err(|error| wrong(format!("line {}: {error}", number + 1)))?);
     }
@@ -92,6 +94,7 @@ fn columns(header: &str, fit: &ThetaFile) -> Result<Vec<Option<usize>>, String> 
         }
         columns.push(Some(place));
     }
+    // A missing column would leave that parameter at the fit's value in all robots, unnoticed.
     match (0..fit.parameter.len()).find(|&place| !columns.contains(&Some(place))) {
         Some(missing) => Err(format!("it has no column `{}`", shown(&fit.parameter[missing].name))),
         None => Ok(columns),

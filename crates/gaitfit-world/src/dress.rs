@@ -13,10 +13,12 @@ pub(crate) fn dressed(mut robot: ReplayRobot, model: &Model) -> ReplayRobot {
     let meshes = looks.places.iter().filter_map(|place| {
         let body = carrier(&place.body)?;
         let shape = Shape::Mesh { mesh: place.mesh };
+        // A mesh that hides a foot lights up in its place.
         let foot = foot_within(&robot, body, &corners(place, &looks.meshes[place.mesh]));
         Some(Geom { body, shape, position: place.pos, quaternion: place.quat, foot })
     });
     let meshes: Vec<Geom> = meshes.collect();
+    // A foot that only other links' meshes cover is drawn a little larger, so that its contact shows.
     let hidden = |foot: usize| !meshes.is_empty() && meshes.iter().all(|mesh| mesh.foot != Some(foot));
     for geom in robot.geoms.iter_mut().filter(|geom| geom.foot.is_some_and(hidden)) {
         geom.shape = grown(geom.shape);

@@ -23,6 +23,8 @@ pub fn of_robot(
     let robot_joint = |of_log: &String| model.find_joint(joint_names.get(of_log).unwrap_or(of_log));
     let shown = path.display();
     let advice = "map names in [joint_names], or use the robot file the log was made with";
+    // All columns of the log are matched first: a joint that the robot lacks shows that log and robot do not
+    // belong together.
     let mut columns: Vec<Option<&String>> = vec![None; joints.len()];
     for of_log in &trajectory.joints {
         let Some(joint) = robot_joint(of_log) else {
@@ -52,6 +54,7 @@ pub fn of_robot(
     let mut ordered =
         trajectory.select_joints(&names).map_err(|error| Error::failed(format!("{shown}: {error}")))?;
     let of_robot = wanted.iter().map(|&joint| joints[joint].name.clone()).collect();
+    // From here on the samples go by the robot's names; messages to the user keep the log's.
     let of_log = std::mem::replace(&mut ordered.joints, of_robot);
     Ok((ordered, of_log))
 }

@@ -90,11 +90,13 @@ fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
         let places = record.base.iter().skip(k).step_by(7).filter(|x| x.is_finite());
         places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
     };
+    // Some ground beside the way, so that the robot does not walk along an edge.
     let spans = [along(0), along(1)].map(|[low, high]| [low - BESIDE, high + BESIDE]);
     let longest = spans.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
     if !longest.is_finite() || longest <= 0.0 {
         return None;
     }
+    // Coarser for long ways: a page holds a limited number of heights.
     let step = FINE.max(longest / MAX_HEIGHTS);
     // Heights lie on whole steps of the world, where generated ground has its vertices.
     let corner = spans.map(|[low, _]| (low / step).floor() * step);

@@ -41,6 +41,7 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
 /// The file is missing or has changed.
 pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings, Vec<String>), Error> {
     let mut settings = asked.clone();
+    // The built-in robot has no file, and asked for by name it overrides the training's.
     if asked.robot.as_deref().is_some_and(robot::is_built_in) {
         settings.robot = None;
         return Ok((settings, Vec::new()));
@@ -108,6 +109,7 @@ pub fn as_leniently(path: &Path, recorded: &RobotFile) -> bool {
 pub fn find(policy: &Path, recorded: &RobotFile, name: &str) -> Result<(PathBuf, Option<String>), Error> {
     let was = Path::new(&recorded.path);
     let same = |path: &Path| path.is_file() && fingerprint(path).is_ok_and(|hash| hash == recorded.sha256);
+    // Compared by content: a path alone may lead to a file that was edited since.
     if same(was) {
         return Ok((nearby(was), None));
     }

@@ -17,6 +17,7 @@ pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
     let bare = |body: usize| geoms(body).all(ball);
     let mut bones = Vec::new();
     for (index, body) in model.bodies.iter().enumerate() {
+        // A link without a shape is drawn as the line to the joint of its child.
         if let Some(parent) = body.parent.filter(|&parent| bare(parent)) {
             bones.extend(bone(carrier[parent], body.pos));
         }

@@ -75,7 +75,7 @@ pub struct World {
     pub candidate: Candidate,
     /// Robots drawn from what a fit leaves open; none where that was not asked for.
     pub drawn: Vec<Candidate>,
-    /// What differs from the nominal robot, for reports.
+    /// Differences from the nominal robot, for reports.
     pub changes: Vec<String>,
     /// Things to know before trusting what it shows.
     pub warnings: Vec<String>,
@@ -122,6 +122,7 @@ impl World {
         }
         let theta =
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
+        // An evaluation adds the smallest rotor of the training, unless the fit has found one.
         if let Some((_, file)) = theta.as_ref().filter(|_| !args.randomised) {
             theta::keep_rotors(file, &mut settings);
         }
@@ -136,6 +137,7 @@ impl World {
             None => robot::go2()?,
         };
         let mut warnings = robot::remarks(&model);
+        // The pose shows first whether the policy's joints are on this robot.
         let interface = &policy.interface;
         let pose = interface.model_pose(&model).map_err(|error| match &args.robot {
             Some(_) => error.into(),
@@ -143,6 +145,7 @@ impl World {
                 "this policy was trained on another robot than the built-in Go2: name its file with --robot",
             ),
         })?;
+        // Springs change the model itself, so they come before θ is applied to it.
         for spring in &args.spring {
             let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
@@ -155,6 +158,7 @@ impl World {
             }
             None => Candidate::nominal(&model),
         };
+        // Each drawn robot starts from the nominal one: a draw has all the fit's numbers.
         let mut drawn = match (draws, &theta) {
             (Some(draws), Some((path, file))) => {
                 let robots = draws::candidates(draws, &Candidate::nominal(&model), file, path, &model)?;
@@ -171,6 +175,7 @@ impl World {
         for candidate in drawn.iter_mut().chain([&mut candidate]) {
             candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         }
+        // The task keeps as many past targets as the longest delay of any robot needs.
         let delay = drawn.iter().map(longest_delay).fold(longest_delay(&candidate), f64::max);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
         let step = Some(scene.walker.physics_step());
@@ -191,7 +196,7 @@ impl World {
         self
     }
 
-    /// Who is tested on what.
+    /// Policy, robot and task of a test.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
         Subject {
             task: &self.scene,
@@ -252,6 +257,7 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         Some(path) => robot::read(path, args.lenient, Hold::File),
         None => robot::go2(),
     };
+    // The model is read only where it decides the task.
     let Some(name) = &args.task else {
         return match trained_task(policy)? {
             Some(task) => Ok(task),
@@ -269,6 +275,7 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         }
         return toml::from_str(text).map_err(|error| Error::settings(format!("{name}: {error}")));
     }
+    // A file states only changes, so the whole task lies below it.
     let under = match remembered.is_empty() {
         true => toml::to_string(&usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?,
         false => remembered.clone(),

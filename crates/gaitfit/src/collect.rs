@@ -85,6 +85,7 @@ pub fn collect_in(
             shown_number(high)
         )));
     }
+    // Settings and files are checked before the folder is touched.
     let played = settings.commands.as_deref().map(playlist::read).transpose()?;
     if settings.commands.is_some() && settings.world.randomised {
         return Err(Error::settings(
@@ -93,6 +94,7 @@ pub fn collect_in(
     }
     let count = played.as_ref().map_or(count, Vec::len);
     check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
+    // Played commands run on the CPU in any case.
     if played.is_none() {
         settings.device.check()?;
     }
@@ -118,6 +120,7 @@ pub fn collect_in(
             write_walks(&subject, &options, threads, settings.device, watch, &writer)
         }
     };
+    // Before the outcome is looked at: an interrupted simulation may end in any error.
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted; no log was written"));
     }
@@ -197,6 +200,7 @@ fn write_walks(
     watch.shared(amount(subject, options), |moved| {
         let subject = Subject { cancel: Some(&cancel), moved: Some(moved), ..*subject };
         let put = |number, log| writer.put(number, &log);
+        // A GPU records all logs at once, so they are written after it; the CPU writes tile by tile.
         device.run(
             watch,
             |gpu| writer.put_all(&on_gpu(gpu, &subject, options, &cancel)?),
@@ -245,11 +249,13 @@ fn play(
     let dt = interface.control_dt;
     let period = |seconds: f64| (seconds / dt).round() as usize;
     let [low, high] = options.shift;
+    // The log begins late by a random time, so that logs do not all begin with the same standing robot.
     let shift = |number: usize| {
         let draw = Stream::new(seed, Purpose::LOG_SHIFT).environment(number as u32).uniform(0);
         period(low + (high - low) * draw)
     };
     let samples = period(options.seconds).max(1);
+    // A template lasts from the walk's start, and its first rows are cut off at the end.
     let template = |(number, sequence): (usize, &Sequence)| {
         let rows = shift(number) + samples;
         Trajectory {
@@ -275,6 +281,7 @@ fn play(
     let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
     let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
+    // Walks end on several threads and in any order; each has its place.
     let logs = Mutex::new(vec![None; scripts.len()]);
     let keep = |_: usize, number: usize, track: &follow::Track| {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();

@@ -89,6 +89,7 @@ impl LogWriter {
         // Threads put logs in any order.
         put.sort_unstable();
         let mut files = Vec::with_capacity(put.len());
+        // A robot that fell before its log began has a number and no file.
         for (number, ..) in put.iter().filter(|(_, has_rows, _)| *has_rows) {
             let (from, to) =
                 (self.partial.path().join(self.name(*number)), self.folder.join(self.name(*number)));
@@ -129,6 +130,7 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
     let unwritable = |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
     fs::create_dir_all(parent).map_err(unwritable)?;
+    // What a killed program left of earlier attempts would stay for ever.
     remove_killed(parent, &prefix).map_err(unwritable)?;
     let mut builder = tempfile::Builder::new();
     let partial = folder_like(&mut builder)
@@ -147,6 +149,7 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
             fs::File::open(entry.path()).and_then(|file| file.sync_all()).map_err(unwritable)?;
         }
     }
+    // A rename is one step: the folder is there with all its logs, or it is not.
     fs::rename(&partial, into).map_err(unwritable)?;
     fs::File::open(parent).and_then(|parent| parent.sync_all()).map_err(unwritable)
 }
@@ -176,6 +179,7 @@ pub fn check_recorded(folder: &Path) -> Result<(), String> {
         let path = entry.path();
         let name = escaped(&entry.file_name().to_string_lossy(), 200);
         let link = entry.file_type().map_err(unreadable)?.is_symlink();
+        // Follows links, which is what a reader of the log would do.
         let file_type = match fs::metadata(&path) {
             Ok(metadata) => metadata.file_type(),
             Err(error) if link => {

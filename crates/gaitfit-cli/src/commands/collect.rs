@@ -27,6 +27,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         return super::run::run(&on_robot(args, robot)?);
     }
     let link = &args.link;
+    // Without a robot these options would be passed over in silence.
     let paced = link.pause.is_some() || link.stand.is_some() || link.patience != cli::PATIENCE;
     if paced || link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 {
         return Err(Failure::usage(
@@ -35,6 +36,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         ));
     }
     folder(&args.out, "the logs go")?;
+    // One number is both ends of the range.
     let low = args.log_shift.first().copied().unwrap_or(0.0);
     let settings = CollectSettings {
         world: args.world.settings(),
@@ -78,6 +80,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
 /// The same on a robot: what only a simulator can do is refused.
 fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Failure> {
     let world = &args.world;
+    // A robot would walk all the same, and its logs would look as if the option had counted.
     for (given, option) in [
         (world.theta.is_some(), "--theta"),
         (!world.spring.is_empty(), "--spring"),
@@ -100,6 +103,7 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
             "--seed is for random commands; a robot that plays --commands draws nothing",
         ));
     }
+    // The same command as `gaitfit run`, so that one guard and one confirmation serve both.
     Ok(cli::Run {
         policy: world.policy.clone(),
         robot,

@@ -51,6 +51,7 @@ pub fn run(args: &cli::Drift) -> Result<(), Failure> {
 }
 
 fn policy(form: Form, path: String) -> Policy {
+    // Directions in the order in which the form has them.
     let mut names: Vec<&str> = Vec::new();
     for trial in &form.trials {
         if !names.contains(&trial.direction.as_str()) {
@@ -97,6 +98,7 @@ fn text(policies: &[Policy]) -> String {
             directions.push(&one.direction);
         }
     }
+    // Rows of one direction stand together, so that policies are compared line by line.
     for direction in directions {
         for policy in policies {
             let Some(one) = policy.directions.iter().find(|one| one.direction == direction) else { continue };

@@ -45,6 +45,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     let inputs = [Some(&args.file), args.theta.as_ref()].into_iter().flatten().map(PathBuf::as_path);
     files::check(&[output], inputs.chain([policy]))?;
     let asked = args.commands(policy);
+    // Only for the advice at the end, which names the same robot.
     let robot = settings::load::<AdaptConfig>(Some(&args.file), &args.set)?.robot;
     interrupt::listen()?;
     let commands = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&asked, watch))?;

@@ -134,6 +134,7 @@ fn compared(input: ExplainInput<'_>, policy: &Path, watch: &Watch<'_>) -> Result
     // A fit names the built-in robot by no name.
     let robot = if robot::is_built_in(robot) { Path::new("") } else { robot };
     let text = |path: &Path| toml::Value::from(path.display().to_string());
+    // A fit's settings made up from the command line: `explain` needs no file of its own.
     let changes = [
         "base=\"free\"".to_owned(),
         format!("lenient={lenient}"),
@@ -158,6 +159,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
     let ExplainInput { logs, robot, lenient, .. } = input;
     let path = Some(robot);
     let model = robot::named(robot, lenient)?;
+    // A folder may have some logs that cannot be used; a single log that cannot is an error.
     let (count, used) = if logs.is_dir() {
         let spec = |log: &Trajectory| CheckSpec::of_robot(&model, &log.joints);
         let read = |count: &mut Count<'_>| summarise_folder(logs, &ReadOptions::default(), &spec, count);

@@ -14,6 +14,7 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     let path = args.config.as_deref();
     let mut config: FinetuneConfig = settings::load(path, &args.run.set)?;
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), path);
+    // The command line wins over the file.
     if let Some(seeds) = &args.seeds {
         config.seeds = seeds.0.clone();
     }

@@ -40,6 +40,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
     let inputs =
         args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
+    // Before the recording is read, which may take long.
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
     let (imported, order) = in_order(&args.files, mapping, model.as_ref().filter(|_| order_is_assumed))?;
     let log = &imported.trajectory;
@@ -47,6 +48,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         model.as_ref().map_or_else(CheckSpec::default, |model| CheckSpec::of_robot(model, &log.joints));
     let mut findings = imported.report.noticed.clone();
     findings.extend(order);
+    // Gains that change within a log have no place in it, so the log would be wrong without a sign of it.
     let lost =
         |finding: &&Finding| finding.severity == Severity::Error && finding.kind == FindingKind::GainsChange;
     if let Some(lost) = findings.iter().find(lost) {
@@ -59,6 +61,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     findings.extend(check(log, &spec));
     findings.extend(model.iter().flat_map(|model| weight::signs(log, model)));
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    // Written even with errors in it, so that a person can look at the log.
     write_csv(&args.out, log).map_err(Failure::failed)?;
     let document = Document {
         written: args.out.display().to_string(),
@@ -89,6 +92,7 @@ fn in_order(
     mut mapping: Mapping,
     assumed: Option<&Model>,
 ) -> Result<(Imported, Option<Finding>), Failure> {
+    // Read once as assumed: only the numbers show whether the order fits.
     let imported = read(files, mapping.clone())?;
     let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
     let Some(model) = assumed.filter(|_| numbered) else { return Ok((imported, None)) };
@@ -107,6 +111,7 @@ fn in_order(
                 joints.join(", ")
             );
             mapping.joints = Some(joints);
+            // Read again with the order that the weight of the legs shows.
             Ok((read(files, mapping)?, Some(finding(Severity::Warning, message))))
         }
     }
@@ -173,6 +178,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
             Mapping::parse(&text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?
         }
     };
+    // The policy that walked knows order, rate and robot better than the robot's file.
     if let Some(path) = &args.policy {
         let policy = gaitfit_policy_files::read(path).map_err(Failure::failed)?;
         let interface = &policy.interface;
@@ -182,6 +188,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
         mapping.robot =
             mapping.robot.or_else(|| Some(interface.robot.clone()).filter(|robot| !robot.is_empty()));
     }
+    // Noted before the robot's own order is filled in.
     let assumed = mapping.joints.is_none() && model.is_some();
     if let Some(model) = model {
         let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
@@ -191,6 +198,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
     if !args.take.is_empty() {
         mapping.streams.take.clone_from(&args.take);
     }
+    // The command line wins over the mapping file.
     mapping.clock_offset_s = args.clock_offset.or(mapping.clock_offset_s);
     mapping.every = args.every.map(|every| every as usize).or(mapping.every);
     mapping.rate_hz = args.rate.or(mapping.rate_hz);

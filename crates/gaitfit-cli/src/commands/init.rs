@@ -62,6 +62,7 @@ impl Files {
             option: "the page of the stance",
             ending: None,
         }));
+        // All outputs are checked before any is written, so that no half of them is left.
         files::check(&outputs, [args.robot.as_path()])?;
         for path in [Some(&configuration), mended.as_ref(), page.as_ref()].into_iter().flatten() {
             if path.exists() && !args.force {
@@ -109,6 +110,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
         guesses: prepared.mended.iter().chain(&prepared.look.guesses).cloned().collect(),
         trainings: Vec::new(),
     };
+    // Trainings take long, so what was guessed is printed before they begin.
     if args.train {
         if !args.json {
             output::print(&shown(&document))?;
@@ -129,6 +131,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
             }
         }
     }
+    // Scripts see by the exit code that no policy walks.
     match document.trainings.iter().any(|training| training.walks) || !args.train {
         true => Ok(()),
         false => {

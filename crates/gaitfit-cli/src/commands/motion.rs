@@ -19,6 +19,8 @@ const BY_HAND: &str = "switch it off in the vendor's app, or with its SDK (Motio
 /// Releases the motion service of the robot on `interface`, or finds that it is released. `hangs`: the robot must hang meanwhile.
 pub fn released(interface: &str, domain: u16, yes: bool, hangs: bool) -> Result<(), Failure> {
     let mut switcher = MotionSwitcher::open(interface, domain).map_err(super::run::usage)?;
+    // Silence is no fault, as a robot may have no such service; an error may hide one that still moves the
+    // motors.
     let name = match switcher.check(ANSWER).map_err(Failure::failed)? {
         MotionMode::Released => {
             note("the robot's motion service is released");
@@ -48,6 +50,7 @@ pub fn released(interface: &str, domain: u16, yes: bool, hangs: bool) -> Result<
         }
     ));
     let when = if hangs { "when it hangs" } else { "when it lies on the ground" };
+    // The word must be typed: after the release nothing holds the robot up.
     if !yes {
         note(&format!("Type `{WORD}` and Enter {when}; anything else ends."));
         let mut line = String::new();

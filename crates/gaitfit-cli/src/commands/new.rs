@@ -45,6 +45,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
     } else {
         settings.logs.clone_from(&args.logs);
     }
+    // Converted recordings are removed again if this fails; `keep` below makes them stay.
     let mut written = new::write(&settings)?;
     converted.keep();
     written.warnings.splice(0..0, assumed);
@@ -94,6 +95,7 @@ impl Converted {
                 path.display()
             )));
         }
+        // A file may be a log or a recording, a folder a bag, a folder of recordings, or one of logs.
         let recordings: Vec<PathBuf> = match path.is_dir() {
             // A .csv file of another program is a recording.
             false if has_ending(path, &["csv"]) && is_log(path, args)? => return Ok(vec![path.to_owned()]),
@@ -128,6 +130,7 @@ impl Converted {
         for recording in recordings {
             let name = recording.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let log = self.folder.join(format!("{name}.csv"));
+            // Only files that this run made may be removed after a failure.
             let new = !log.exists();
             for line in import::convert(&recording, &log, args)? {
                 assumed.push(format!("{}: {line}", shown_path(&recording)));

@@ -176,6 +176,7 @@ pub fn text(document: &Document) -> String {
         let _ = write!(text, ", gait clock {frequency} Hz");
     }
     let provenance = &document.provenance;
+    // A policy without a version comes from another trainer.
     if provenance.program_version.is_empty() {
         text.push_str("\ntrained elsewhere\n\n");
     } else {

@@ -85,6 +85,7 @@ mod dds {
         signals::listen()?;
         let mut listener = Listener::open(&args.interface, args.domain, topics).map_err(usage)?;
         let names: Vec<(&str, &str)> = topics.iter().map(|topic| (&*topic.name, &*topic.kind)).collect();
+        // A recording cannot be made again, so none is overwritten.
         let file = File::create_new(&recording).map_err(|error| {
             Failure::usage(format!(
                 "{}: {error}; name another --out, so that no recording is lost",
@@ -123,6 +124,7 @@ mod dds {
                 warned = true;
                 silent(topics, &counts, &listener);
             }
+            // The time counts from the first message, as a robot may be switched on late.
             let over = match (first, args.seconds) {
                 (Some(first), Some(seconds)) => first.elapsed().as_secs_f64() >= seconds,
                 // Nothing came at all.
@@ -154,6 +156,7 @@ mod dds {
                 published(topics, &listener)
             )));
         }
+        // Kept until here, as a message above may name the topics that were seen.
         drop(listener);
         note(&format!("{}: the recording as it came", recording.display()));
         as_log(args, &recording)

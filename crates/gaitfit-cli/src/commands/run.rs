@@ -250,6 +250,7 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotS
     };
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
     note(&format!("connected to the robot: battery {battery}, {hottest}"));
+    // Nothing moves, so nobody need agree.
     if args.link.dry_run {
         note("a dry run: nothing is sent");
         return true;
@@ -311,6 +312,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
     if let (Who::Trials(_), false) = (who, args.link.dry_run) {
         note(&format!("fill in {0}, then: gaitfit drift {0}", trial::form_path(args).display()));
     }
+    // Without a reason the walk came to its end.
     let Some(reason) = &summary.reason else {
         kept?;
         return match args.json || args.link.dry_run {
@@ -322,6 +324,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
             )]),
         };
     };
+    // The reason of the stop matters more than a file that could not be written.
     if let Err(problem) = kept {
         note(&problem.message);
     }

@@ -139,12 +139,15 @@ impl Comparison {
         if measured.len() != expected {
             return Err(CostsError::Length { array: "measured", expected, found: measured.len() });
         }
+        // Before compiling, which takes longer than to see that the arrays do not fit.
         device.check_room(&Self::parts(device, sizes))?;
         let items = items(device, sizes);
         let module = device.load(&program(items))?;
+        // One block of threads sorts and compares a dimension of a candidate.
         let blocks = sizes.candidates * sizes.dimensions;
         // The sort in global memory moves keys to and fro between two halves.
         let scratch = if items > 0 { 0 } else { blocks.saturating_mul(2 * sizes.sorted()) };
+        // Squares are summed recording by recording, and then over recordings.
         let runs = sizes.candidates * sizes.recordings * sizes.dimensions;
         Ok(Self {
             sizes,
@@ -219,6 +222,7 @@ impl Comparison {
     ) -> Result<(), CostsError> {
         self.expect(signals, ends)?;
         let Sizes { recordings, samples, dimensions, skip, .. } = self.sizes;
+        // Pooled over all recordings: the distance compares distributions and not times.
         let counted = self.sorted.len() / dimensions;
         let shape = Shape {
             grid: [candidates.min(self.sizes.candidates) as u32, compared.min(dimensions) as u32, 1],

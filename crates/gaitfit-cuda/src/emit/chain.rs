@@ -75,6 +75,8 @@ impl<'a> Chains<'a> {
         let kinds = source.nodes.iter().map(|node| Kind::from_op(node.op)).collect();
         let count = source.nodes.len();
         let mut chains = Self { source, kinds, uses: source.uses.clone(), interior: vec![false; count] };
+        // Merges first: they join the chain inside a region to the chain outside, which changes how often
+        // `before` counts as used.
         for index in 0..count {
             let node = source.nodes[index];
             if source.live[index] && node.op == Op::Merge {
@@ -88,11 +90,13 @@ impl<'a> Chains<'a> {
                 }
             }
         }
+        // Then the inner nodes: those that only the chain itself uses.
         for index in 0..count {
             let (node, kind) = (&source.nodes[index], chains.kinds[index]);
             if !source.live[index] || kind.is_none() {
                 continue;
             }
+            // A merge continues the chain by what is made inside and by what was there before.
             let inner: Vec<u32> = match node.op {
                 Op::Merge => node.args[1..3].to_vec(),
                 _ => addends(node).into_iter().map(|(operand, _)| operand).collect(),
@@ -158,6 +162,7 @@ impl<'a> Chains<'a> {
         left_out: &mut Option<u32>,
         terms: &mut Vec<Term>,
     ) -> Result<(), EmitError> {
+        // Only its first occurrence: the chain may add the same number again.
         if *left_out == Some(index) {
             *left_out = None;
             return Ok(());
@@ -165,6 +170,8 @@ impl<'a> Chains<'a> {
         let node = &self.source.nodes[index as usize];
         let inner = index == walk.root || self.interior(index);
         let Walk { minus, at, gate, .. } = walk;
+        // The end of a branch. A product that nothing else uses stays two factors, for a fused
+        // multiplication.
         if !inner || self.kind(index) != Some(walk.kind) {
             let product = walk.kind == Kind::Sum && node.op == Op::Mul && self.uses[index as usize] == 1;
             let (a, b) = if product { (node.args[0], Some(node.args[1])) } else { (index, None) };
@@ -172,6 +179,7 @@ impl<'a> Chains<'a> {
             return Ok(());
         }
         if node.op == Op::Merge {
+            // A term has room for one gate.
             if gate.is_some() {
                 return Err(EmitError::Nested);
             }
@@ -184,6 +192,7 @@ impl<'a> Chains<'a> {
         for (operand, sign) in addends(node) {
             self.flatten(Walk { minus: minus ^ sign, at: index, ..walk }, operand, left_out, terms)?;
         }
+        // The product of a fused sum comes after its other operand, as it was computed.
         if matches!(node.op, Op::Fma | Op::Fnma) {
             let minus = minus ^ (node.op == Op::Fnma);
             terms.push(Term { minus, a: node.args[0], b: Some(node.args[1]), at: index, gate });

@@ -100,6 +100,8 @@ impl Crossing {
     fn find_held(&mut self, program: &Program, uses: &[(u32, Option<u32>, u32)]) {
         for (index, region) in program.regions.iter().enumerate() {
             let Kind::Loop { carried, .. } = &region.kind else { continue };
+            // All that the loop hands on: a number among these is also read at the loop's bounds, where no
+            // guard holds.
             let others: BTreeSet<u32> = carried
                 .iter()
                 .flat_map(|&(first, next)| [program.bare(first).0, program.bare(next).0])
@@ -113,6 +115,8 @@ impl Crossing {
                 let (Some(end), true) = (home(next), guarded(program, home(first))) else { continue };
                 let end = program.regions[end as usize].nodes.end;
                 let mut fits = guarded(program, home(next));
+                // Every reader must be guarded too. A reader behind the region sees the next turn's number,
+                // as scratch memory holds one number only.
                 for &(node, from, by) in uses.iter().filter(|one| is_handed(program.nodes[one.0 as usize].op))
                 {
                     let late = by >= end && matches!(program.nodes[node as usize].op, Op::Variable(..));
@@ -130,6 +134,8 @@ impl Crossing {
     }
 
     fn find_early(&mut self, program: &Program, uses: &[(u32, Option<u32>, u32)]) {
+        // A loop reads first values outside itself and last values inside, and outputs are read outside all
+        // regions.
         let mut used: Vec<(u32, Option<u32>)> = uses.iter().map(|&(node, from, _)| (node, from)).collect();
         for (index, region) in program.regions.iter().enumerate() {
             if let Kind::Loop { carried, .. } = &region.kind {
@@ -145,15 +151,18 @@ impl Crossing {
         let mut by_regions = BTreeSet::new();
         for (node, from) in used {
             let Some(home) = program.home[node as usize] else { continue };
+            // Readers in the region itself or deeper see an ordinary number.
             if !guarded(program, Some(home)) || program.around(from).any(|region| region == home) {
                 continue;
             }
+            // A condition is declared early and not kept in scratch memory, which holds floats.
             if guarded(program, from) && program.nodes[node as usize].op != Op::Unless {
                 by_regions.insert(node);
             } else {
                 self.early.insert(node);
             }
         }
+        // A number that is declared early anyway needs no place in memory.
         for node in by_regions.difference(&self.early) {
             let room = self.scratch.len() + self.held.len();
             self.scratch.insert(*node, room);

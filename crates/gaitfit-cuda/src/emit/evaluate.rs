@@ -43,11 +43,13 @@ impl Program {
     fn run(&self, parent: Option<u32>, nodes: Range<u32>, inputs: &[Row], values: &mut [Row]) {
         let mut at = nodes.start;
         let inner = self.regions.iter().enumerate();
+        // Regions come in the order in which they begin: nodes between two of them run one by one.
         for (index, region) in inner.filter(|(_, region)| region.parent == parent) {
             self.line(at..region.nodes.start, inputs, values);
             at = region.nodes.end;
             match &region.kind {
                 Kind::Guarded(guard) => {
+                    // Lane 0 speaks for all: a guard is the same in every lane.
                     if values[*guard as usize][0] == 0.0 {
                         // NaN shows in the outputs if something reads what was not computed.
                         values[region.nodes.start as usize..at as usize].fill([f64::NAN; MAX_LANES]);
@@ -85,6 +87,7 @@ impl Program {
             let node = self.nodes[index as usize];
             let operands = node.args.map(|operand| values[operand as usize]);
             let lanes = operands[0].iter().take(self.lanes).copied();
+            // Operations over all lanes give every lane the same number.
             let whole = match node.op {
                 Op::Variable(..) | Op::Result(..) => continue,
                 Op::LaneSum => Some(lanes.sum()),

@@ -30,6 +30,7 @@ pub fn tables(graph: &Graph) -> Vec<(String, &[f64])> {
 
 /// The text of function number `number`; its recording has three inputs, four outputs and no regions.
 pub(super) fn text(number: usize, graph: &Graph) -> String {
+    // Simplified on the way; `made` leads from the recording's nodes to the simplified ones.
     let mut nodes = Nodes::default();
     let mut made: Vec<u32> = Vec::with_capacity(graph.nodes.len());
     for &node in &graph.nodes {
@@ -44,6 +45,7 @@ pub(super) fn text(number: usize, graph: &Graph) -> String {
         let _ = writeln!(text, "__device__ float {name}[{}];", values.len().max(1));
     }
     let _ = writeln!(text, "FUNCTION({}) {{", function_name(number));
+    // Constants and inputs are written where they are used; other nodes have a variable.
     let operand = |node: u32| match nodes.nodes[node as usize].op {
         Op::Constant(bits) => format!("K({})", super::op::literal(f64::from_bits(bits))),
         Op::Input(input) => format!("i{input}"),

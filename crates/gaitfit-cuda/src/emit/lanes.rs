@@ -25,6 +25,7 @@ impl Lanes {
     pub fn new(source: &Source, chains: &Chains<'_>, inputs: &[u8]) -> Result<Self, EmitError> {
         let count = source.nodes.len();
         let mut lanes = Self { mask: vec![0; count], reduced: vec![false; count], carried: BTreeMap::new() };
+        // What loops hand on is taken to belong to all lanes at first.
         for (index, node) in source.nodes.iter().enumerate() {
             if let (true, Op::Variable(region, place) | Op::Result(region, place)) =
                 (source.live[index], node.op)
@@ -46,6 +47,8 @@ impl Lanes {
                 }
             }
             if !grown {
+                // Only the last pass counts: earlier ones knew too few lanes and may have reported what no
+                // longer holds.
                 mixed?;
                 return match lanes.carried.values().find(|mask| mask.count_ones() > 1) {
                     Some(_) => Err(EmitError::Mixes("a number that a loop hands on")),
@@ -72,6 +75,7 @@ impl Lanes {
                         node.operands().iter().fold(0, |mask, &operand| mask | self.mask[operand as usize]);
                     let several = mask.count_ones() > 1;
                     let inside = chains.interior(index as u32);
+                    // The end of a chain over several lanes is a sum over lanes, which every lane then has.
                     if several && chains.kind(index as u32).is_some() && !inside {
                         self.reduced[index] = true;
                         0

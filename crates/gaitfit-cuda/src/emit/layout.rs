@@ -70,7 +70,7 @@ impl Class {
     }
 }
 
-/// Where a number lies.
+/// Place of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Class of the number.
@@ -90,7 +90,7 @@ pub struct Slots {
     pub shared: usize,
 }
 
-/// Where everything lies.
+/// Places of all numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     /// Threads of an environment.
@@ -119,6 +119,8 @@ impl Layout {
             });
             inputs.push(Place { class, lane, slot });
         }
+        // A result is written where the input of the same name is read, so that the next period begins with
+        // it.
         let find = |output: &Output| {
             let same = |input: &Input| match (output, input) {
                 (Output::State(a), Input::State(b)) => a == b,

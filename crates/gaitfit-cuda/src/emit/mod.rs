@@ -60,7 +60,7 @@ pub enum EmitError {
     Order,
 }
 
-/// How a program is made.
+/// Options for making a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmitOptions {
     /// Guards of fewer operations than this are dissolved: their regions are always computed. For what all threads of
@@ -107,6 +107,8 @@ impl PeriodProgram {
     /// Limbs that cannot be computed apart.
     pub fn new(period: &PeriodGraph, seating: &Seating, options: EmitOptions) -> Result<Self, EmitError> {
         let names = input_names(period);
+        // An input is known by its name: the same name with a counterpart's owner is the counterpart in lane
+        // 0.
         let mut first: HashMap<Name, u32> = HashMap::new();
         for (number, &name) in names.iter().enumerate() {
             first.insert(name, number as u32);
@@ -142,6 +144,7 @@ impl PeriodProgram {
         let mut seated = Vec::with_capacity(outputs.len());
         for (&name, &node) in outputs.iter().zip(&source.outputs) {
             let (lane, twin) = seat(seating, name);
+            // Counterparts of all lanes make one tuple, which one statement of the program writes.
             let place = *places.entry(twin).or_insert_with(|| {
                 tuples.push(vec![None; seating.lanes()]);
                 tuples.len() - 1
@@ -152,6 +155,7 @@ impl PeriodProgram {
             }
             seated.push((lane, place as u32));
         }
+        // A lane without its counterpart cannot run the same program.
         let tuples: Vec<Vec<u32>> = tuples
             .into_iter()
             .map(|tuple| tuple.into_iter().collect::<Option<Vec<u32>>>().ok_or(EmitError::Unlike))

@@ -26,9 +26,9 @@ pub struct Item {
 /// A number that a loop hands on: items of its first value and of its value at the end of a turn.
 #[derive(Clone, Copy, Debug)]
 pub struct Handed {
-    /// In the first turn.
+    /// Its value in the first turn.
     pub first: u32,
-    /// At the end of a turn.
+    /// Its value at the end of a turn.
     pub next: u32,
 }
 
@@ -94,10 +94,12 @@ impl Plan {
             next_place: 0,
             plan,
         };
+        // From the outputs down: only what they need becomes an item.
         for tuple in outputs {
             let item = planner.intern(tuple.clone());
             planner.plan.outputs.push(item);
         }
+        // A list in place of recursion: recordings are deeper than a stack.
         while let Some((item, tuple)) = planner.waiting.pop() {
             planner.fill(item, &tuple)?;
         }
@@ -142,6 +144,7 @@ impl Planner<'_> {
                 _ => None,
             })
             .collect();
+        // Constants may differ by lane, as the signs of left and right do; then a table holds them.
         if constants.len() == nodes.len() {
             let op = if constants.iter().all(|&bits| bits == constants[0]) {
                 Op::Constant(constants[0])
@@ -162,6 +165,7 @@ impl Planner<'_> {
                 return Err(EmitError::Alone);
             }
         }
+        // A node in a region needs the region's guards, which no operand names.
         self.guards(tuple)?;
         match nodes[0].op {
             Op::Input(number) => {
@@ -169,6 +173,7 @@ impl Planner<'_> {
                 for (lane, node) in nodes.iter().enumerate() {
                     let Op::Input(own) = node.op else { return Err(EmitError::Unlike) };
                     let seat = self.seats.lane[own as usize];
+                    // An input of all lanes has no lane; one of each lane must be of the lane that reads it.
                     let right = if same { seat.is_none() || self.count == 1 } else { seat == Some(lane) };
                     if !right || self.seats.twin[own as usize] != twin {
                         return Err(EmitError::Unlike);
@@ -241,6 +246,8 @@ impl Planner<'_> {
         let carried: Vec<(u32, u32)> =
             key.1.iter().map(|&place| self.source.carried(region, place)).collect();
         let list = self.plan.handed.entry(region).or_default();
+        // The place is known before its numbers are followed: what a turn ends with may depend on what it
+        // began with.
         let place = list.len() as u32;
         list.push(Handed { first: 0, next: 0 });
         self.places.insert(key, place);
@@ -259,12 +266,15 @@ impl Planner<'_> {
         let mut shared = Vec::new();
         for term in self.chains.terms(root)? {
             let zero = self.source.nodes[term.a as usize].op == Op::Constant(0);
+            // A zero of no lane adds nothing.
             if kind == Kind::Sum && zero {
                 continue;
             }
             let mut mask =
                 self.lanes.mask[term.a as usize] | term.b.map_or(0, |b| self.lanes.mask[b as usize]);
             mask |= term.gate.map_or(0, |(guard, _)| self.lanes.mask[guard as usize]);
+            // Terms of one lane are added in that lane, terms of all after the lanes' sum: they would count
+            // once a lane otherwise.
             match mask.count_ones() {
                 0 => shared.push(vec![term; self.count]),
                 1 => per_lane[mask.trailing_zeros() as usize].push(term),
@@ -300,6 +310,7 @@ impl Planner<'_> {
     fn chain(&mut self, kind: Kind, mut terms: Vec<Vec<Term>>) -> Result<Option<u32>, EmitError> {
         // As they arise: a sum that leans to the right takes in its first terms last.
         terms.sort_by_key(|term| term[0].at);
+        // Terms in a row that one region makes are added under one guard.
         let region = |term: &Term| term.gate.map(|(guard, _)| (guard, self.source.home[term.at as usize]));
         let runs: Vec<usize> =
             terms.chunk_by(|a, b| region(&a[0]) == region(&b[0])).map(|run| run.len()).collect();
@@ -323,6 +334,7 @@ impl Planner<'_> {
                 let b = first.b.map(|_| self.intern(term.iter().filter_map(|one| one.b).collect()));
                 sum = Some(self.take_in(kind, sum, first, a, b));
             }
+            // The last merge of the run: all its terms exist there.
             let merge = run.iter().filter_map(|term| term[0].gate.map(|(_, merge)| merge)).max();
             if let (Some(merge), Some(inside)) = (merge, sum) {
                 let gates = run[0].iter().filter_map(|term| term.gate.map(|(guard, _)| guard));

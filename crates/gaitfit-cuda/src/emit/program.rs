@@ -82,6 +82,7 @@ impl Program {
 
 impl Draft {
     fn new(source: &Source, plan: &Plan) -> Result<Self, EmitError> {
+        // In the order of lane 0's recording, where operands come before their users.
         let mut order: Vec<u32> = (0..plan.items.len() as u32).collect();
         order.sort_by_key(|&item| plan.items[item as usize].place);
         let mut nodes = Nodes::default();
@@ -94,6 +95,7 @@ impl Draft {
             nodes.current = source.home[planned.place.0 as usize];
             let mut args = [0; 4];
             for k in 0..planned.op.arity() {
+                // Fails where a lane's reduction needs a number that lane 0 makes later.
                 args[k] = made[planned.args[k] as usize].ok_or(EmitError::Order)?;
             }
             let node = nodes.make(planned.op, args);
@@ -102,6 +104,7 @@ impl Draft {
             }
             made[item as usize] = Some(node);
         }
+        // Loops are followed after all nodes, because a turn's last values stand behind its first.
         let find = |item: u32| made[item as usize].ok_or(EmitError::Order);
         let mut handed = HashMap::new();
         for (&region, list) in &plan.handed {
@@ -122,6 +125,7 @@ impl Draft {
         let mut live = vec![false; self.nodes.len()];
         let mut waiting = self.outputs.clone();
         while let Some(index) = waiting.pop() {
+            // Seen before: loops make the graph circular.
             if std::mem::replace(&mut live[index as usize], true) {
                 continue;
             }
@@ -133,6 +137,7 @@ impl Draft {
             {
                 waiting.extend([first, next]);
             }
+            // A node in a guarded region needs the guard, which is no operand.
             for region in around(source, self.home[index as usize]) {
                 waiting.extend(self.guards.get(&region));
             }
@@ -152,6 +157,7 @@ impl Draft {
             // Two, so that a product that is also an output never counts as used once.
             uses[output as usize] += 2;
         }
+        // The product's own node stays and is dropped with all that nobody reads.
         for index in 0..self.nodes.len() {
             let node = self.nodes[index];
             let [x, y, ..] = node.args;
@@ -186,6 +192,7 @@ impl Draft {
         let mut kept: BTreeMap<u32, (u32, u32)> = BTreeMap::new();
         let mut number = vec![0u32; self.nodes.len()];
         let mut count = 0;
+        // A region that keeps no node is not numbered, and so is dropped.
         for index in 0..self.nodes.len() {
             if !live[index] {
                 continue;
@@ -219,6 +226,7 @@ impl Draft {
             }
             op => op,
         };
+        // Everything is named by its new number from here on.
         let mut nodes = Vec::with_capacity(count as usize);
         let mut home = Vec::with_capacity(count as usize);
         for index in (0..self.nodes.len()).filter(|&index| live[index]) {

@@ -48,11 +48,14 @@ impl Seating {
                 let (alike, others): (Vec<usize>, Vec<usize>) =
                     left.iter().partition(|&&child| kinds[child] == kinds[first]);
                 left = others;
+                // These limbs cannot be shared evenly. All threads compute them, and limbs that hang on them
+                // may fit better.
                 if !alike.len().is_multiple_of(lanes) {
                     trunk.extend(alike);
                     continue;
                 }
                 has_limbs = true;
+                // With several limbs a lane, neighbours in the list go together.
                 let each = alike.len() / lanes;
                 for (number, &limb) in alike.iter().enumerate() {
                     seating.seat(outline, &children, number / each, limb, alike[number % each]);

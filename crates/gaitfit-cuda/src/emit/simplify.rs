@@ -72,6 +72,8 @@ impl Nodes {
             Op::Sin => self.of_one(op, a, f64::sin),
             Op::Cos => self.of_one(op, a, f64::cos),
             Op::Round => self.of_one(op, a, f64::round_ties_even),
+            // Signs move outwards, so that equal nodes are found and a sign is written only where its node is
+            // used.
             Op::Abs => {
                 let bare = self.negated(a).unwrap_or(a);
                 self.of_one(op, bare, f64::abs)
@@ -164,6 +166,7 @@ impl Nodes {
     fn product(&mut self, a: u32, b: u32) -> u32 {
         match (self.value(a), self.value(b)) {
             (Some(x), Some(y)) => return self.constant(x * y),
+            // Not exact for infinity and NaN, as IEEE 754 has it; a step with such numbers has failed anyway.
             (Some(0.0), _) | (_, Some(0.0)) => return self.constant(0.0),
             (Some(1.0), _) => return b,
             (_, Some(1.0)) => return a,

@@ -58,6 +58,7 @@ impl Source {
         let dissolved = |guard: u32| work[guard as usize] < min(guard);
         let mut alias: Vec<u32> = (0..count as u32).collect();
         let mut nodes: Vec<Node> = Vec::with_capacity(count);
+        // Operands come first, so an operand's alias is final when it is read.
         for (index, &node) in graph.nodes.iter().enumerate() {
             let mut node = Node::from(node);
             for k in 0..node.op.arity() {
@@ -72,6 +73,8 @@ impl Source {
         let mut home = vec![NOWHERE; count];
         let mut regions: Vec<SourceRegion> = Vec::with_capacity(graph.regions.len());
         let mut stands_for: Vec<u32> = Vec::new();
+        // Outer regions come first, so inner ones fill their own nodes after them. A dissolved region stands
+        // for its parent.
         for (index, region) in graph.regions.iter().enumerate() {
             let parent = region.parent.map_or(NOWHERE, |parent| stands_for[parent as usize]);
             let (guard, turns) = match &region.kind {
@@ -130,6 +133,7 @@ impl Source {
     }
 
     fn count_uses(&mut self) {
+        // A loop reads its first and last values once, however often its variable is used.
         let mut handed = std::collections::BTreeSet::new();
         for index in 0..self.nodes.len() {
             if !self.live[index] {

@@ -155,6 +155,7 @@ impl<'a> Writer<'a> {
     }
 
     pub(super) fn read(&mut self, node: u32) {
+        // An outer block's reading is visible inside, except in a block that begins afresh.
         for (fresh, known) in self.read.iter().rev() {
             if known.contains(&node) {
                 return;
@@ -214,6 +215,7 @@ impl<'a> Writer<'a> {
         let _ = writeln!(self.text, "KERNEL({KERNEL}) {{");
         self.depth = 1;
         self.line("BEGIN");
+        // Classes that the robot has no numbers of get no pointer.
         for (class, base) in [
             (Class::State, "state"),
             (Class::Params, "params"),
@@ -275,6 +277,7 @@ impl<'a> Writer<'a> {
         if self.lean == Some(true) {
             return self.left_out(index);
         }
+        // What is read behind the region is declared before it, so that it lives on.
         let early = self.crossing.early.range(nodes.clone()).copied();
         let early: Vec<u32> =
             early.filter(|&node| self.has_statement(node) && !self.declared.contains(&node)).collect();
@@ -283,12 +286,15 @@ impl<'a> Writer<'a> {
             self.line(&format!("{kind} t{node};"));
         }
         self.declared.extend(early);
+        // Merges begin with the number before the region and are overwritten inside it: threads that skip it
+        // keep the first.
         let merges = self.crossing.set_inside.get(&index).cloned().unwrap_or_default();
         for &merge in &merges {
             let before = self.operand(self.program.nodes[merge as usize].args[2]);
             let kind = if self.crossing.early.contains(&merge) { "" } else { "R " };
             self.line(&format!("{kind}t{merge} = {before};"));
         }
+        // After the declarations: the operand may write lines of its own.
         let guard = self.operand(guard);
         self.line(&format!("if ({guard}) {{"));
         self.enter(index, false);
@@ -351,6 +357,7 @@ impl<'a> Writer<'a> {
             return self.line(&format!("const R t{index} = {before};"));
         }
         let a: Vec<String> = node.operands().iter().map(|&operand| self.operand(operand)).collect();
+        // One call computes both, for the price of little more than one.
         if matches!(node.op, Op::Sin | Op::Cos) {
             return self.turn(index, node, &a[0]);
         }

@@ -43,6 +43,7 @@ impl Writer<'_> {
             let Kind::Guarded(guard) = region.kind else { continue };
             let mut around = self.program.around(region.parent).take_while(|&outer| outer != index);
             let inside = self.program.around(region.parent).any(|outer| outer == index);
+            // Inner regions are skipped with the region around them, so their own guards need not be known.
             if !inside || around.any(guarded) {
                 continue;
             }
@@ -90,6 +91,7 @@ impl Writer<'_> {
             return self.whole_turns(index, count, carried, outer, nodes);
         };
         let guards: Vec<String> = guards.into_iter().map(|guard| self.operand(guard)).collect();
+        // Both texts begin with the same knowledge, and neither may see the other's declarations.
         let before = (self.declared.clone(), self.read.clone());
         for (lean, begin) in [(false, format!("if ({}) {{", guards.join(" || "))), (true, "} else {".into())]
         {
@@ -120,6 +122,7 @@ impl Writer<'_> {
             self.refresh(nodes.clone());
         }
         self.block(Some(index), nodes);
+        // Assignments come after all values are computed, at the end of the turn.
         let mut assigned = Vec::new();
         for (place, &(_, next)) in carried.iter().enumerate() {
             if self.crossing.held.contains_key(&(index, place as u32)) {

@@ -64,7 +64,7 @@ pub struct Candidates {
 pub(super) type Known = Arc<Mutex<Vec<Physics>>>;
 
 impl Candidates {
-    /// On `device`. `threads`: of the host, for what it prepares.
+    /// Candidates on `device`. `threads`: of the host, for what it prepares.
     ///
     /// # Errors
     /// A failure of the GPU.
@@ -130,6 +130,7 @@ impl Candidates {
             Subject::Predict(_) | Subject::Replay(_) => dimensions,
         };
         let mut parts: Vec<Option<Parts>> = vec![None; jobs.len()];
+        // Candidates of one structure share a compiled program.
         for (structure, mut own) in self.groups(subject, jobs)? {
             // A session computes distances of its first candidates alone.
             own.sort_by_key(|&job| compared[job] == Compared::Squares);
@@ -195,6 +196,7 @@ impl Candidates {
         if let Some((expected, found)) = counts.find(|(expected, found)| expected != found) {
             return Err(FitError::Length { what: "the beginnings", expected, found });
         }
+        // Only these tables have room for samples before a recording.
         let Some(max) = self.tables.earlier else {
             return Err(FitError::Unsupported(
                 "logs on tables that were not made by Tables::for_logs".to_owned(),
@@ -239,6 +241,7 @@ impl Candidates {
         (numbers, wanted): (&Numbers, usize),
     ) -> Result<(&[f32], usize), FitError> {
         let structure = Structure::new(&example.candidate);
+        // The host takes in at most so many, so more need not be computed at once.
         let shown = wanted.min(shown(subject, tables));
         let room = room(shown);
         let session = match self.prediction_session(tables, &structure, room) {
@@ -258,6 +261,7 @@ impl Candidates {
                 }
             }
         };
+        // A session with half of its tables replaced must not be found again.
         if let Err(error) = self.sessions[session].take_tables(&self.stream, tables) {
             self.sessions.clear();
             return Err(error.into());
@@ -301,6 +305,7 @@ impl Candidates {
                     || (),
                     |(), run| {
                         let (place, recording) = (run / recordings, run % recordings);
+                        // Recordings share one length in memory; rows behind a recording's end are not shown.
                         let (length, end) = (lengths[recording] as usize, ends[run] as usize);
                         let rows = &signals[run * size..][..length * dimensions];
                         let fell_at = (end < length).then_some(end);
@@ -352,6 +357,7 @@ impl Candidates {
     /// Makes a session for `wanted` candidates like `example`, or as many as fit; its number.
     fn new_session(&mut self, subject: Subject<'_>, example: &Job, wanted: usize) -> Result<usize, FitError> {
         let structure = Structure::new(&example.candidate);
+        // Locked while the program text is made, so that two threads do not make the same one.
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let physics = match known.iter().find(|known| known.structure == structure) {
             Some(known) => known.clone(),

@@ -17,7 +17,8 @@ pub struct MultiGpu {
 }
 
 impl MultiGpu {
-    /// On `devices`, at least one. `threads`: of the host, for what it prepares, of all GPUs together.
+    /// Candidates on `devices`, at least one. `threads`: of the host, for what it prepares, of all GPUs
+    /// together.
     ///
     /// # Errors
     /// A failure of a GPU.

@@ -51,8 +51,10 @@ impl Numbers {
             let robot = &job.candidate.robot;
             numbers.params.extend(params);
             numbers.factors.extend(robot.kp_scale.iter().chain(&robot.kd_scale).chain(&robot.encoder_bias));
+            // 0 tells the kernel never to reset, so a period of 0 becomes 1.
             let every = job.reset_every.map(|every| every.max(1));
             numbers.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
+            // The kernel takes a seed as two words of 32 bits.
             numbers.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
             numbers.begins.push(start_number(job.seed, starts) as u32);
             numbers.deviation.push(job.candidate.torque_noise);

@@ -62,7 +62,7 @@ pub struct Plan {
     pub program: Program,
     /// All arrays.
     pub arrays: Vec<Array>,
-    /// For each array: the class of numbers of the physics that it is, if any.
+    /// Class of numbers of the physics that each array is, if any.
     pub physics: Vec<Option<Class>>,
     /// Sizes.
     pub sizes: Sizes,
@@ -86,6 +86,7 @@ impl Plan {
         let logs = tables.earlier.is_some();
         let places = sizes.tiles * scene.period.layout().environments();
         let joints = scene.joints();
+        // The batch of the physics owns the first arrays, which have a class; the session owns the others.
         let (mut physics, mut arrays): (Vec<_>, Vec<_>) = physics_arrays(scene.period, sizes.tiles)
             .into_iter()
             .map(|(class, array)| (Some(class), array))

@@ -33,7 +33,7 @@ const MAX_PLACES: usize = 8;
 /// on the call alone, so that a fit repeats its bits.
 const FEW: usize = 4;
 
-/// Who uses the GPU.
+/// Candidates that threads use the GPU with, and those that are free.
 #[derive(Default)]
 struct Places {
     /// Candidates that no thread uses, the last used one last.
@@ -58,7 +58,7 @@ impl Drop for Place<'_> {
     }
 }
 
-/// What candidates of one structure predict.
+/// Candidates of one structure and what they predict.
 struct Batch<'a> {
     subject: Subject<'a>,
     tables: &'a Arc<Tables>,
@@ -70,7 +70,7 @@ struct Batch<'a> {
 }
 
 impl Predictions {
-    /// On `device`. `threads`: of the host, for what it prepares.
+    /// Predictions on `device`. `threads`: of the host, for what it prepares.
     pub fn new(device: &Device, threads: usize) -> Self {
         Self {
             device: device.clone(),
@@ -112,6 +112,7 @@ impl Predictions {
                 let pass = |place: usize, course: usize, tracks: Tracks<'_>| {
                     consume(rest[place], course, tracks);
                 };
+                // `predict` handles at least one, so the loop ends.
                 rest = &rest[self.predict(&batch, &pass, cancel)?..];
             }
         }
@@ -154,6 +155,7 @@ impl Predictions {
             return Err(FitError::Cancelled);
         }
         let run = |place: &mut Place<'_>| -> Result<usize, FitError> {
+            // Taken out: if the run fails, the place gives nothing back and their memory is free.
             let mut candidates = match place.candidates.take() {
                 Some(candidates) => candidates,
                 None => self.candidates(batch)?,
@@ -167,6 +169,7 @@ impl Predictions {
             Err(error) if error.is_memory() => {
                 // Again without the memory that no thread uses.
                 self.places().free.clear();
+                // The first error says what did not fit with all in use.
                 run(&mut place).map_err(|_| error)
             }
             done => done,

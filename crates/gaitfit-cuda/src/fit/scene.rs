@@ -122,10 +122,12 @@ impl Subject<'_> {
         };
         let model = self.model();
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
+        // Only robots with a base that moves are judged by the forces on their feet.
         let forces = self.walker().is_some();
         // Clamped robots do not show when their inertial unit is late.
         let parts = Parts { late_imu: forces && structure.kept.parts.late_imu, ..structure.kept.parts };
         let networks = modifications::<Traced>(model, &candidate.networks, parts)?;
+        // Numbers that no candidate of the structure changes become constants of the program.
         let fixed = structure.kept.numbers(&self.params(candidate)?);
         let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new(), fixed };
         Ok(Period::reporting(model, settings, options, &networks, &report)?)

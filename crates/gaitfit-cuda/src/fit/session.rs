@@ -115,6 +115,7 @@ impl Session {
         if too_wide(&plan) {
             return Err(FitError::TooWide { needed: plan.shared(), rows: smallest.rows, available });
         }
+        // Only what this session adds: the batch has taken its memory above.
         let owned = plan.arrays.iter().zip(&plan.physics).filter(|(_, class)| class.is_none());
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
@@ -213,15 +214,18 @@ impl Session {
         self.write(stream, "every", &numbers.every)?;
         self.write(stream, "seeds", &numbers.seeds)?;
         self.write(stream, "begins", &numbers.begins)?;
+        // Subjects whose beginnings the tables hold have none of their own.
         if !numbers.starts.is_empty() {
             self.write(stream, "starts", &numbers.starts)?;
         }
         self.write(stream, "trust", &numbers.trust)?;
         self.write(stream, "deviation", &numbers.deviation)?;
         self.write(stream, "imus", &numbers.imus)?;
+        // Robots without networks have no array of weights.
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {
             self.batch.write_weights(stream, &numbers.weights)?;
         }
+        // Recorded at the first run; arrays keep their addresses, so the graph serves all later ones.
         if self.graph.is_none() && self.plan.steps <= MAX_RECORDED {
             self.graph = Some(stream.record(|stream| self.start(stream))?);
         }
@@ -308,9 +312,12 @@ impl Session {
         compared: usize,
         squares: bool,
     ) -> Result<(Vec<f64>, Vec<f64>, Vec<u32>), FitError> {
+        // Taken out, because the results borrow the session.
         let mut comparison = self.comparison.take();
         let results = match (&mut comparison, self.results()) {
             (Some(comparison), Some((signals, ends))) => {
+                // Distances are started and the squares after them; only then both are read, so the GPU is
+                // not idle in between.
                 if distances > 0 {
                     comparison.start_distances(stream, signals, ends, distances, compared)?;
                 }

@@ -39,10 +39,12 @@ pub(super) fn shared<W: Worker, T: Send>(
     cancel: &Cancel<'_>,
     work: impl Fn(&mut W, Range<usize>, &Cancel<'_>) -> Result<T, FitError> + Sync,
 ) -> Result<Vec<T>, FitError> {
+    // One GPU needs no thread, and its errors need not name it.
     if let [worker] = workers {
         return Ok(vec![work(worker, 0..jobs, cancel)?]);
     }
     let (count, failed) = (workers.len(), AtomicBool::new(false));
+    // A failure of one asks the others to stop.
     let cancel = || failed.load(Ordering::Relaxed) || cancel();
     let one = |number: usize, worker: &mut W| {
         let result = work(worker, share(jobs, count, number), &cancel);
@@ -57,6 +59,7 @@ pub(super) fn shared<W: Worker, T: Send>(
         let join = |thread: std::thread::ScopedJoinHandle<'_, _>| {
             thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
         };
+        // All are joined before any failure is returned, because they borrow the workers.
         threads.into_iter().map(join).collect()
     });
     let (mut values, mut failures) = (Vec::with_capacity(results.len()), Vec::new());

@@ -46,7 +46,9 @@ impl Tables {
         }
         let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
         let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();
+        // All recordings have the room of the longest, so that a kernel finds a sample by multiplication.
         let samples = lengths.iter().copied().max().unwrap_or(0);
+        // Resets need the state at every sample; one log without them switches them off.
         let has_states = scripts.iter().all(|script| {
             let length = script.commands.len();
             script.states.len() >= length && script.actions.len() >= length * actions
@@ -141,6 +143,7 @@ impl Tables {
             velocities.extend(one.dq0.iter().map(|&velocity| velocity as f32));
             gains.extend(one.kp.iter().chain(&one.kd).chain(&one.q0));
         }
+        // The kernel needs a whole state; a clamped robot's base keeps the numbers that it has at rest.
         let tree = compile::<f32>(replay.model(), replay.settings())?;
         let mut rest = Vec::new();
         State::<f32>::new(&tree).visit(|_, &number| rest.push(number));

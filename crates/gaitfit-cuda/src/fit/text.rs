@@ -62,6 +62,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
             ]
         }
     };
+    // The order matters: a part uses what earlier ones declare.
     for part in parts {
         words.text.push_str(part);
     }
@@ -82,6 +83,8 @@ fn sizes(words: &mut Words, scene: &Scene<'_>) {
 fn legs(words: &mut Words, walker: &Walker) {
     let feet = Feet::new(walker);
     let (mut forces, mut joints) = (Vec::new(), Vec::new());
+    // Feet have different numbers of forces and joints, so two flat lists hold them and a foot says where its
+    // own begin.
     let row = |foot: &Foot| {
         let first = [forces.len(), joints.len()];
         forces.extend_from_slice(&foot.forces);

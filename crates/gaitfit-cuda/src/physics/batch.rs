@@ -40,6 +40,7 @@ impl Batch {
             return Err(DeviceError::Count { what: "environments", must, found: environments });
         }
         let layout = &period.layout;
+        // Whole blocks: a part of a block cannot be started.
         let tiles_of_block = BLOCK / crate::emit::TILE;
         let blocks = environments.div_ceil(layout.environments() * tiles_of_block);
         let tiles = blocks * tiles_of_block;
@@ -120,6 +121,7 @@ impl Batch {
         let buffer = &mut self.buffers[class as usize];
         let mut host = vec![0.0; buffer.len()];
         let (size, per_tile) = (layout.size(class), layout.environments());
+        // Places behind the last environment are filled too, with copies: their threads run all the same.
         for (tile, numbers) in host.chunks_exact_mut(size.max(1)).enumerate() {
             for inner in 0..per_tile {
                 let environment = (tile * per_tile + inner) % self.environments;
@@ -230,6 +232,7 @@ impl Batch {
             let must = format!("lists of {count} numbers, one at least");
             return Err(DeviceError::Count { what, must, found: wrong.unwrap_or(0) });
         }
+        // Inputs of a class stand together in the recording, in the order of `values`.
         let first = self.period.layout.inputs.iter().position(|place| place.class == class).unwrap_or(0);
         self.fill(stream, class, |environment, input| {
             values[environment % values.len()][input - first] as f32
@@ -244,6 +247,7 @@ impl Batch {
     pub fn write_weights(&mut self, stream: &Stream, candidates: &[Vec<f64>]) -> Result<(), DeviceError> {
         let layout = &self.period.layout;
         let weights = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
+        // Networks that were added to make limbs alike keep their zeros.
         let asked = weights.zip(&self.period.weights).filter(|(_, asked)| **asked);
         let places: Vec<Place> = asked.map(|(place, _)| place).collect();
         let count = self.environments / self.per_candidate;

@@ -29,7 +29,7 @@ pub struct PhysicsBench {
     pub substeps: usize,
     /// Threads of an environment; none for what suits the number of environments.
     pub lanes: Option<usize>,
-    /// How the text is made.
+    /// Options for making the text.
     pub emit: EmitOptions,
     /// Measured repetitions.
     pub repetitions: usize,
@@ -106,6 +106,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let mut batch = Batch::new(device, &control, bench.environments, 1)?;
     let compile_seconds = start.elapsed().as_secs_f64();
 
+    // The reference: the same step on the CPU in `f64`.
     let tree = compile::<f64>(&model, &settings).map_err(DeviceError::from)?;
     let mut state = State::<f64>::new(&tree);
     state.base_position[2] = height;
@@ -121,10 +122,12 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
         };
         (0..robots).map(own).collect()
     };
+    // The robots trot for a while, so that what is timed has the usual contacts.
     for number in 0..WARM_UP {
         batch.write_targets(&stream, &targets(number))?;
         batch.step(&stream).map_err(DeviceError::from)?;
     }
+    // Both runs of the period start from the same state, to see whether they give the same bits.
     batch.keep(&stream).map_err(DeviceError::from)?;
     let before = batch.read_states(&stream, robots).map_err(DeviceError::from)?;
     let sent = targets(WARM_UP);
@@ -135,6 +138,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let same_bits = bits(&after) == bits(&again);
     let (errors, position_error) = errors(&tree, &mut state, &sets, &sent, &before, &after);
 
+    // Another number of physics steps is another program; its robots go on from the states reached.
     let mut timed = batch;
     if bench.substeps != SUBSTEPS {
         timed = Batch::new(device, &period(bench.substeps)?, bench.environments, 1)?;
@@ -147,6 +151,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let launches = (TIMED_SUBSTEPS / bench.substeps.max(1)).max(1);
     let mut times =
         time(device, &mut timed, &stream, launches, bench.repetitions).map_err(DeviceError::from)?;
+    // The median resists what else the machine does; the shortest shows what the GPU can do.
     times.sort_by(f64::total_cmp);
     let steps = (bench.environments * bench.substeps * launches) as f64;
     let end = timed.read_states(&stream, robots).map_err(DeviceError::from)?;
@@ -184,6 +189,7 @@ fn errors(
     let mut position_error = 0.0f64;
     let mut work = Work::new(tree);
     for robot in 0..sets.len() {
+        // Each period starts from the GPU's own state, so that errors of earlier periods do not add up.
         let mut numbers = before[robot].iter();
         state.visit_mut(|_, number| *number = numbers.next().map_or(f64::NAN, |&x| f64::from(x)));
         control_period(&mut Control {

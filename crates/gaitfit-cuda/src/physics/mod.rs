@@ -48,11 +48,11 @@ pub enum DeviceError {
     /// A batch's numbers.
     #[error("{what} must be {must}; there are {found}")]
     Count {
-        /// What was given.
+        /// The quantity that was given.
         what: &'static str,
-        /// What it must be.
+        /// The number that it must have.
         must: String,
-        /// How many there are.
+        /// The number that there is.
         found: usize,
     },
 }

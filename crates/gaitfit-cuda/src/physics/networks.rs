@@ -30,11 +30,13 @@ impl Shared {
             let count = Modify::<Known>::memory(modification);
             let own: Vec<Owner> =
                 (0..count).map(|place| Modify::<Known>::memory_owner(modification, place)).collect();
+            // Counterparts in lane 0: a joint whose counterpart has a network needs one as well.
             let twins: Vec<Owner> = own.iter().map(|&owner| seating.place(owner).1).collect();
             let lacking = |joint: &usize| {
                 let owner = Owner::Joint(*joint);
                 !own.contains(&owner) && twins.contains(&seating.place(owner).1)
             };
+            // All weights 0, so the added network changes nothing.
             let without = |joint: usize| {
                 let scales = NetworkScales { position: 1.0, velocity: 1.0, output: 1.0 };
                 JointNetwork::new::<Traced>(joint, &[0.0; NETWORK_WEIGHTS], scales, 0.0)
@@ -54,6 +56,7 @@ impl Shared {
                 // On all joints already.
                 other => other.clone(),
             };
+            // The added networks' numbers stand behind the ones that were asked for.
             shared.memory.extend((0..Modify::<Known>::memory(&whole)).map(|place| place < count));
             shared.modifications.push(whole);
         }

@@ -22,7 +22,7 @@ pub struct PeriodOptions {
     pub taps: usize,
     /// Threads of an environment at most: 4, 2 or 1.
     pub lanes: usize,
-    /// How the text is made.
+    /// Options for making the text.
     pub emit: EmitOptions,
 }
 
@@ -78,6 +78,7 @@ impl Period {
         let tree = compile::<Traced>(model, settings)?;
         let outline = tree.outline();
         let alone = Seating::alone(&outline);
+        // The most lanes first: if its limbs turn out unlike, fewer lanes or one may still fit.
         let lanes = [4, 2].into_iter().filter(|&lanes| lanes <= options.lanes);
         let seatings: Vec<Seating> = lanes.filter_map(|lanes| Seating::shared(&outline, lanes)).collect();
         let whole = Shared::new(modifications, seatings.first().unwrap_or(&alone), tree.joints());
@@ -155,7 +156,7 @@ impl Period {
         self.substeps
     }
 
-    /// Where sensors are among the numbers that modifications remember.
+    /// Returns the places of the sensors among the numbers that modifications remember.
     pub(crate) fn sensors(&self) -> SensorPlaces {
         self.sensors
     }
@@ -165,7 +166,7 @@ impl Period {
         self.graph.inputs.iter()
     }
 
-    /// Where the numbers lie.
+    /// Returns the places of the numbers.
     pub fn layout(&self) -> &Layout {
         &self.layout
     }

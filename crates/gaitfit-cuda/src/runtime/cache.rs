@@ -40,17 +40,17 @@ impl Cache {
         Some(Self::new(base.join("gaitfit").join("cuda")))
     }
 
-    /// In this folder, which is made when there is something to keep.
+    /// A cache in this folder, which is made when there is something to keep.
     pub fn new(folder: PathBuf) -> Self {
         Self { folder, most_bytes: MAX_BYTES, most_files: MAX_FILES }
     }
 
-    /// With other limits.
+    /// Sets other limits.
     pub fn with_limits(self, most_bytes: u64, most_files: usize) -> Self {
         Self { most_bytes, most_files, ..self }
     }
 
-    /// Where the files are.
+    /// Folder of the files.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
@@ -100,6 +100,7 @@ impl Cache {
     }
 
     fn trim(&self) {
+        // A cache that cannot be read is not worth an error: programs are compiled again.
         let Ok(entries) = fs::read_dir(&self.folder) else { return };
         let mut files: Vec<(SystemTime, u64, PathBuf)> = entries
             .flatten()

@@ -27,14 +27,14 @@ impl Program {
         Self { name: name.into(), text: text.into(), options: Vec::new(), tables: Vec::new() }
     }
 
-    /// With one option more.
+    /// Adds one option.
     #[must_use]
     pub fn option(mut self, option: impl Into<String>) -> Self {
         self.options.push(option.into());
         self
     }
 
-    /// With the numbers of one array more.
+    /// Adds the numbers of one array.
     #[must_use]
     pub fn table(mut self, name: impl Into<String>, numbers: impl Into<Arc<[f32]>>) -> Self {
         self.tables.push((name.into(), numbers.into()));

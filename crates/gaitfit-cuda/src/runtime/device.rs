@@ -173,6 +173,7 @@ impl Device {
         if near.info.ordinal == far.info.ordinal {
             return Ok(true);
         }
+        // The driver gives access to the context that is current on this thread.
         near.enter()?;
         let doing = || format!("asking whether GPU {} reaches GPU {}", near.info.ordinal, far.info.ordinal);
         let mut devices = [0; 2];

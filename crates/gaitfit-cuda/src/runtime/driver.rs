@@ -95,6 +95,7 @@ impl Driver {
                         code => Err(CudaError::DriverStart(driver.reason(code))),
                     };
                 }
+                // The first name is the usual one; its reason tells more than the fallback's.
                 Err(error) if reason.is_empty() => {
                     reason = error.source().map_or_else(|| error.to_string(), ToString::to_string);
                 }

@@ -82,7 +82,7 @@ pub enum CudaError {
     Memory {
         /// Name of the buffer, or of the largest parts.
         what: String,
-        /// Which GPU.
+        /// Number of the GPU.
         ordinal: usize,
         /// Bytes needed.
         needed: u64,
@@ -105,7 +105,7 @@ pub enum CudaError {
          not touched. With GAITFIT_CUDA_SYNC=1 the message names the one kernel"
     )]
     Run {
-        /// Which GPU.
+        /// Number of the GPU.
         ordinal: usize,
         /// The kernels that were under way.
         kernels: String,

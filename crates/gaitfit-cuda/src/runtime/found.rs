@@ -15,7 +15,7 @@ pub struct Found {
     pub gpus: Vec<DeviceInfo>,
     /// Version of the compiler NVRTC; `None` if it was not found.
     pub nvrtc: Option<String>,
-    /// Where it was found.
+    /// Path or name under which it was found.
     pub nvrtc_path: Option<String>,
     /// Things that are missing for a use of the GPU, a sentence each; empty if nothing is.
     pub problems: Vec<String>,
@@ -26,6 +26,7 @@ pub fn find() -> Found {
     let mut report = Found::default();
     match Driver::get() {
         Err(error) => report.problems.push(error.to_string()),
+        // Each part is asked on its own: a machine may have a driver and no compiler, or the reverse.
         Ok(driver) => {
             let mut version = 0;
             // SAFETY: the driver stores one int.

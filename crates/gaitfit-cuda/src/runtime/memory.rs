@@ -67,6 +67,7 @@ impl<T: Number> Buffer<T> {
         buffer.address = address;
         let stream = Stream::new(device)?;
         buffer.clear(&stream)?;
+        // Another stream may write the buffer at once, and must not be overtaken by the zeros.
         stream.wait()?;
         Ok(buffer)
     }
@@ -82,7 +83,7 @@ impl<T: Number> Buffer<T> {
         Ok(buffer)
     }
 
-    /// Where its first number lies in the GPU's memory; 0 if it holds none.
+    /// Address of its first number in the GPU's memory; 0 if it holds none.
     pub fn address(&self) -> u64 {
         self.address
     }

@@ -90,6 +90,7 @@ impl Nvrtc {
                 Ok(functions) => return Self::with(functions, builtins, path.clone()),
                 Err(function) => {
                     let path = path.display().to_string();
+                    // Too old, but a later candidate may do; the fault is told only if none does.
                     fault.get_or_insert(CudaError::OldNvrtc { path, function });
                 }
             }
@@ -175,6 +176,7 @@ impl Nvrtc {
         // SAFETY: the program was made above; there are as many options as pointers.
         let code =
             unsafe { (self.functions.compile)(running.handle, pointers.len() as c_int, pointers.as_ptr()) };
+        // Read in any case: it holds the errors, or the warnings of a program that compiles.
         let log = running.read(self.functions.log_size, self.functions.log).map_err(&refuse)?;
         let log = CStr::from_bytes_until_nul(&log).unwrap_or_default().to_string_lossy().trim().to_owned();
         if code != 0 {
@@ -186,6 +188,7 @@ impl Nvrtc {
                 lines.join("\n")
             }));
         }
+        // `sm_` asks for machine code of one GPU, `compute_` for PTX, which the driver compiles.
         let (size, read) = if architecture.starts_with("sm_") {
             (self.functions.cubin_size, self.functions.cubin)
         } else {

@@ -47,6 +47,7 @@ pub fn candidates(places: &Places) -> Vec<PathBuf> {
     if let Some(given) = &places.given {
         if given.is_dir() {
             let libraries = in_folder(given);
+            // A name that will not load, so that the message shows where it was looked for.
             return if libraries.is_empty() { vec![given.join("libnvrtc.so")] } else { libraries };
         }
         return vec![given.clone()];
@@ -59,6 +60,7 @@ pub fn candidates(places: &Places) -> Vec<PathBuf> {
         names.push("libnvrtc.so".into());
         names
     };
+    // After the loader's own names, so that the system's choice counts first.
     for toolkit in &places.toolkits {
         for folder in ["lib64", "lib", "bin"] {
             names.extend(in_folder(&toolkit.join(folder)));

@@ -42,6 +42,7 @@ pub(super) fn read(
     };
     // Rows are kept as numbers of 4 bytes.
     u32::try_from(batch.frame.rows.saturating_add(rows)).map_err(|_| TableError::ManyRows)?;
+    // Nodes and buffers have no names: fields take them in the order of the schema.
     for field in fields {
         batch.field(field, rows, None, None)?;
     }
@@ -88,6 +89,7 @@ impl<'a> Batch<'a, '_> {
         if field.refused.is_some() {
             return self.skip(field, true);
         }
+        // The places' validity takes memory too.
         self.budget.take_values(length / 4)?;
         let validity = self.take()?;
         let bit = |i: usize| validity.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1);
@@ -112,6 +114,7 @@ impl<'a> Batch<'a, '_> {
                     Ok(usize::try_from(u64::from_le_bytes(word)).map_err(damaged)?)
                 };
                 let mut lengths = Vec::new();
+                // Offsets of a part of an array need not begin at 0.
                 let first = if length == 0 { 0 } else { at(0)? };
                 let mut last = first;
                 for i in 0..length {
@@ -119,6 +122,8 @@ impl<'a> Batch<'a, '_> {
                     let wide =
                         end.checked_sub(last).ok_or_else(|| damaged("lists that end before they begin"))?;
                     lengths.push(if is_valid(i) { u32::try_from(wide).map_err(damaged)? } else { 0 });
+                    // The format allows values behind a missing list; they would be taken for those of the
+                    // next one.
                     if !is_valid(i) && wide > 0 {
                         return Err(wrong(field, "has values where its list is missing").into());
                     }
@@ -158,6 +163,7 @@ impl<'a> Batch<'a, '_> {
         let values = values(physical, data, length)?;
         let row = self.frame.rows;
         let Some(column) = self.frame.columns.get_mut(&field.name) else { return Ok(()) };
+        // In a list every place counts, so an empty one cannot be passed over.
         if let (Some(own), Some(lists)) = (&mut column.lengths, lists) {
             if (0..length).any(|i| !is_valid(i)) {
                 return Err(wrong(field, "has lists with empty places; fill them").into());
@@ -166,6 +172,7 @@ impl<'a> Batch<'a, '_> {
             column.values.append(values);
             return Ok(());
         }
+        // A column keeps its rows, so rows without a value are simply not there.
         let places: Vec<usize> = (0..length).filter(|i| is_valid(*i)).collect();
         column.rows.extend(places.iter().map(|place| (row + place) as u32));
         column.values.append(match values {
@@ -227,6 +234,7 @@ fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Prob
         }
         Physical::Int { bytes, signed } => {
             let integer = |number: &[u8]| {
+                // Bytes above the number's own are filled with its sign.
                 let negative = signed && number.last().is_some_and(|byte| byte & 0x80 != 0);
                 let mut word = [if negative { 0xff } else { 0 }; 8];
                 word[..bytes].copy_from_slice(number);

@@ -98,11 +98,13 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
     };
     let kind = field.type_().map_err(damaged)?.ok_or_else(|| damaged("a field without a type"))?;
     let (mut layout, mut refused, per_second) = layout(&kind)?;
+    // Such a column holds places in a dictionary, whose one buffer is passed over.
     if field.dictionary().map_err(damaged)?.is_some() {
         (layout, refused) = (Layout::Skipped(1), Some("words of a dictionary; save them as numbers"));
     }
     let is_list = matches!(layout, Layout::Lists(_) | Layout::FixedLists(_));
     let lists = inside.lists + usize::from(is_list);
+    // The reason of the outermost field stands: it explains all below.
     let refused = inside.refused.or(refused).or((lists > 1).then_some("lists in lists"));
     let below = Inside { depth: inside.depth + 1, lists, list: is_list, refused };
     let mut children = Vec::new();

@@ -32,6 +32,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
         };
         let message = MessageRef::read_as_root(message).map_err(damaged)?;
         let length = usize::try_from(message.body_length().map_err(damaged)?).map_err(damaged)?;
+        // The recorder was stopped in the middle of a batch; all before it counts.
         let Some((body, after)) = rest.split_at_checked(length) else {
             frame.cut = true;
             break;

@@ -97,6 +97,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         out.resize(count, 0);
         return Ok(out);
     }
+    // Runs are cut at `count`, so a stated length cannot take more memory than asked for.
     while out.len() < count {
         let header = varint(&mut bytes)?;
         let left = count - out.len();
@@ -198,6 +199,7 @@ pub(super) fn delta(mut bytes: &[u8], physical: Physical, count: usize) -> Resul
         out.push(physical.integer(value));
     }
     while out.len() < count {
+        // Each block: its smallest difference, the widths of its parts, and the parts.
         let min = zigzag(varint(bytes)?);
         let widths = bytes.get(..parts).ok_or_else(|| damaged(CUT))?;
         *bytes = &bytes[parts..];

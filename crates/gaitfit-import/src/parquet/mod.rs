@@ -20,6 +20,7 @@ const MAX_FOOTER: usize = 256 << 20;
 /// The columns of the file.
 pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
     let cut = || ColumnarError::NoEnd;
+    // The file is read from its end: the footer says where everything is.
     let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
     let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
@@ -40,6 +41,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
         if group.columns.len() != leaves.len() {
             return Err(damaged("a part with other columns than the schema").into());
         }
+        // Columns of a row group stand in the order of the schema's leaves.
         for (leaf, chunk) in leaves.iter().zip(&group.columns) {
             let Some(column) = frame.columns.get_mut(&leaf.name).filter(|_| leaf.refused.is_none()) else {
                 continue;

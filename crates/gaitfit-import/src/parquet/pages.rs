@@ -34,6 +34,7 @@ pub(super) fn read(
     let wanted = usize::try_from(chunk.num_values).map_err(|_| damaged(CUT))?;
     let mut entries: Option<Values> = None;
     let (mut values, mut row) = (0, first);
+    // Pages follow one another; a dictionary comes before the pages that refer to it.
     while values < wanted {
         let header = {
             let mut protocol = TCompactInputProtocol::new(&mut rest, MAX_HEADER);
@@ -58,6 +59,7 @@ pub(super) fn read(
             let mut page: &[u8] = &page;
             let repeated = levels(&mut page, head.repetition_level_encoding, leaf.repeated, count)?;
             let defined = levels(&mut page, head.definition_level_encoding, leaf.defined, count)?;
+            // Values that are missing have a level but no number.
             let there = present(&defined, leaf, count);
             let decoded = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
             row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
@@ -121,7 +123,7 @@ fn levels(page: &mut &[u8], encoding: Encoding, max: u32, count: usize) -> Resul
     Ok(levels)
 }
 
-/// How many of a page's places have a value.
+/// Returns the number of a page's places that have a value.
 fn present(defined: &[u32], leaf: &Leaf, count: usize) -> usize {
     match leaf.defined {
         0 => count,
@@ -168,6 +170,7 @@ fn place_values(
 ) -> Result<usize, Problem> {
     let many = || TableError::ManyRows;
     let defined_at = |i: usize| defined.get(i).copied().unwrap_or(leaf.defined);
+    // Level 0 begins a new row; every other level goes on with the list of the row before.
     if let Some(lengths) = &mut column.lengths {
         for i in 0..count {
             if repeated.get(i).copied().unwrap_or(0) == 0 {

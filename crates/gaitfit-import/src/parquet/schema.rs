@@ -27,7 +27,7 @@ pub(super) struct Leaf {
     pub per_second: Option<f64>,
 }
 
-/// Where the walk is.
+/// Place of the walk in the schema.
 #[derive(Clone, Default)]
 struct Above {
     names: Vec<String>,
@@ -69,6 +69,7 @@ fn walk(
     }
     let mut here = above.clone();
     here.depth += 1;
+    // Levels as Dremel counts them (Melnik et al. 2010): one for each repeated or optional field on the way.
     let repeats = element.repetition_type == Some(FieldRepetitionType::REPEATED);
     if repeats {
         here.repeated += 1;

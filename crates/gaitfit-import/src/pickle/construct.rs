@@ -42,6 +42,7 @@ pub(crate) fn call(
     };
     let argument = |i: usize| arguments.get(i).map(|id| &nodes[*id]);
     let wrong = || Problem::from(PickleError::Arguments(name.to_string()));
+    // Nothing is ever called: these few functions are imitated, and every other name is refused.
     match short(name) {
         "OrderedDict" => match arguments.as_slice() {
             [] => Ok(Node::Dict(Vec::new())),

@@ -74,6 +74,7 @@ impl<'a> Machine<'a> {
     /// One instruction; gives the object that was saved at the last.
     fn step(&mut self, budget: &mut Budget) -> Result<Option<Id>, Problem> {
         let op = self.byte()?;
+        // Each group takes the instructions that it knows; the last one refuses what is left.
         if let Some(number) = self.number(op)? {
             self.push(Node::Number(number))?;
         } else if let Some(text) = self.text_operand(op)? {
@@ -167,7 +168,7 @@ impl<'a> Machine<'a> {
         }))
     }
 
-    /// Where an instruction keeps the top of the stack.
+    /// Returns the key under which an instruction keeps the top of the stack.
     fn stored_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
             // PUT, BINPUT, LONG_BINPUT, MEMOIZE.
@@ -179,7 +180,7 @@ impl<'a> Machine<'a> {
         }))
     }
 
-    /// Where an instruction finds what was kept.
+    /// Returns the key under which an instruction finds what was kept.
     fn remembered_key(&mut self, op: u8) -> Result<Option<u64>, PickleError> {
         Ok(Some(match op {
             // GET, BINGET, LONG_BINGET.

@@ -47,6 +47,7 @@ pub(crate) fn arrays(
 impl Numbers<'_, '_> {
     /// Adds what `id` holds under `name`.
     fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), Problem> {
+        // Objects may contain one another many times over, so visits are counted and not objects.
         self.visits += 1;
         let full = out.numbers.len() + out.words.len() >= MAX_ARRAYS;
         if depth > DEEPEST || full || self.visits > MAX_VISITS {
@@ -137,6 +138,7 @@ impl Numbers<'_, '_> {
             self.budget.take_values(entries.len())?;
             for (key, value) in entries {
                 let Node::Text(key) = &nodes[*key] else { continue };
+                // A column that the first row lacks cannot be whole.
                 if row > 0 && !columns.contains_key(key) {
                     continue;
                 }
@@ -149,6 +151,7 @@ impl Numbers<'_, '_> {
                 }
             }
         }
+        // Only what every row has in one shape is an array.
         for (key, (shape, data, rows)) in columns {
             if rows == items.len() {
                 let name = if name.is_empty() { key.to_string() } else { format!("{name}/{key}") };
@@ -197,6 +200,7 @@ impl Numbers<'_, '_> {
                         }
                         _ => return Ok(None),
                     };
+                    // Lists of unequal parts are no array.
                     if shape.get_or_insert_with(|| inner.shape.clone()) != &inner.shape {
                         return Ok(None);
                     }
@@ -224,6 +228,7 @@ impl Numbers<'_, '_> {
         let size = tensor.dtype.bytes();
         let mut data = Vec::with_capacity(elements);
         let mut place = vec![0usize; tensor.shape.len()];
+        // Strides may be 0 or overlap, so each number is looked up by its own place.
         for _ in 0..elements {
             let at = place
                 .iter()

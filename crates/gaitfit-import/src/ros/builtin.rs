@@ -35,6 +35,7 @@ pub(crate) fn whole_definition(kind: &str) -> Option<String> {
     let mut text = definition(&root)?.to_owned() + "\n";
     let mut names = vec![root];
     let mut next = 0;
+    // The list grows while it is walked: types bring further types.
     while next < names.len() {
         let package = names[next].split('/').next().unwrap_or_default().to_owned();
         for line in definition(&names[next])?.lines() {

@@ -60,6 +60,7 @@ impl<'a> Reader<'a> {
     }
 
     fn one(&mut self, schema: &Schema, base: Base, depth: usize) -> Result<Value, MessageError> {
+        // A definition may nest and repeat so that a short message makes very many values.
         self.fuel = self.fuel.checked_sub(1).ok_or(MessageError::Elements)?;
         Ok(match base {
             Base::Type(number) => self.structure(schema, number, depth + 1)?,
@@ -71,6 +72,7 @@ impl<'a> Reader<'a> {
                 Value::Text(String::from_utf8_lossy(text).into_owned())
             }
             Base::WideText => {
+                // No quantity of a log is wide text, so it is only passed over.
                 let size = self.unsigned(4)? as usize;
                 self.take(size.saturating_mul(2))?;
                 Value::Text(String::new())
@@ -97,6 +99,7 @@ impl<'a> Reader<'a> {
             }
             return Ok(Value::List(items));
         }
+        // Pictures and point clouds come as such sequences, and hold nothing of a log.
         if matches!(base, Base::U8 | Base::I8 | Base::Bool) && count > MAX_KEPT {
             self.take(count)?;
             return Ok(Value::Numbers(Vec::new()));

@@ -75,6 +75,7 @@ impl<'a> Messages<'a> {
         }
         let parts: Vec<&str> = channel.topic.split('/').collect();
         let streams = &self.mapping.streams;
+        // What the mapping says, then what the topic's name suggests; anything else is a state.
         let joints = if streams.action.contains(&channel.topic) {
             Role::Action
         } else if streams.target.contains(&channel.topic) || is_command(&parts) {
@@ -149,6 +150,7 @@ impl<'a> Messages<'a> {
             }
         };
         let mut columns = message::columns(&value, stream.joints);
+        // A topic that was asked for by name is taken with all its numbers, known or not.
         if columns.is_empty() && named > 0 {
             columns = message::flat(&value);
         }
@@ -160,6 +162,7 @@ impl<'a> Messages<'a> {
         budget.take_values(columns.len() + columns.len() / 2 + 3)?;
         let row = u32::try_from(stream.logged.len()).map_err(|_| MessageError::ManyMessages)?;
         stream.logged.push(log_ns);
+        // A message without a stamp adds none; then the stream goes by the recorder's times.
         stream.stamped.extend(message::stamp_ns(&value));
         for (name, number) in columns {
             if stream.sparse.columns.len() >= MAX_COLUMNS && !stream.sparse.columns.contains_key(&name) {
@@ -236,6 +239,8 @@ impl<'a> Messages<'a> {
         let state = state.unwrap_or(0);
         let origin = clocks[state].times(&read[state]).iter().copied().min().unwrap_or(0);
         source.origin_ns = origin;
+        // Half an interval of the states: a smaller difference of clocks does not move a message to another
+        // row.
         let half =
             median(clocks[state].times(&read[state]).windows(2).map(|pair| pair[1].saturating_sub(pair[0])))
                 .unwrap_or(0)
@@ -277,7 +282,7 @@ struct Clock {
     topic: String,
     /// Header stamps, not the recorder's times.
     stamped: bool,
-    /// How much later the recorder's times are, ns; the middle one.
+    /// Time by which the recorder's times are later, ns; the middle one.
     behind: i64,
 }
 

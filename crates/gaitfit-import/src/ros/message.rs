@@ -156,6 +156,7 @@ fn twist(message: &Value, out: &mut Columns) {
 /// All numbers of a message, named by their path.
 pub(crate) fn flat(message: &Value) -> Columns {
     let mut out = Columns::new();
+    // A list in place of recursion; messages may be deep.
     let mut waiting = vec![(String::new(), message)];
     while let Some((path, value)) = waiting.pop() {
         if out.len() >= MAX_FLAT {

@@ -34,7 +34,7 @@ pub(crate) enum Base {
     Type(usize),
 }
 
-/// How many there are of it.
+/// Number of a field's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Count {
     One,
@@ -84,6 +84,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
     let mut texts: HashMap<String, &str> = HashMap::new();
     let mut rest = text;
     let mut key = root.clone();
+    // First the text is cut into definitions, by name.
     loop {
         // A line of at least ten `=` ends a definition; the next line names the type that follows.
         let mut at = 0;
@@ -116,6 +117,8 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
         }
     }
 
+    // Then types are numbered as fields refer to them, beginning with the root; types that nothing refers to
+    // are not read.
     let mut numbers: HashMap<String, usize> = HashMap::from([(root.clone(), 0)]);
     let mut waiting = vec![root];
     let mut types: Vec<Vec<Field>> = Vec::new();
@@ -169,6 +172,7 @@ fn field(line: &str) -> Result<Option<Written<'_>>, MessageError> {
     };
     let rest = rest.trim();
     let name = rest.split(|c: char| c.is_whitespace() || c == '=').next().unwrap_or("");
+    // A constant, whose value is no part of a message.
     if rest[name.len()..].trim_start().starts_with('=') {
         return Ok(None);
     }

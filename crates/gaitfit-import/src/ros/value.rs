@@ -58,7 +58,7 @@ impl Value {
         }
     }
 
-    /// From a JSON message.
+    /// The value of a JSON message.
     pub fn from_json(json: &serde_json::Value) -> Value {
         match json {
             serde_json::Value::Null => Value::Number(f64::NAN),

@@ -30,7 +30,7 @@ use crate::training::Training;
 
 /// Version of the layout; a reader refuses every other.
 const FORMAT: u32 = 2;
-/// Where the metadata keeps the header.
+/// Key of the metadata under which the header is.
 const KEY: &str = "gaitfit-checkpoint";
 /// Tensors of a tile for what the actor and the critic remember.
 const MEMORIES: [&str; 2] = ["actor_memory", "critic_memory"];
@@ -129,7 +129,10 @@ impl Training<'_> {
         for (name, values) in self.learner.memory_tensors() {
             tensors.push((format!("learner.{name}"), vec![values.len()], Dtype::F32, single(values)));
         }
+        // Each tile has tensors of its own, so a training with another split into tiles cannot take them up
+        // by chance.
         for (tile, runner) in self.runners.iter_mut().enumerate() {
+            // A panic of a thread poisons its lock. No thread runs now, so the lock only has to be opened.
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             let memories = runner.recorder.memories(&self.learner, runner.environment.count());
             for (name, values) in MEMORIES.into_iter().zip(memories).filter(|(_, values)| !values.is_empty())
@@ -153,16 +156,19 @@ impl Training<'_> {
             sha256: checksum::blank(),
             format: FORMAT,
             origin: origin.clone(),
+            // Widths of vectors change the last bits of sums, so the instructions belong to the state.
             isa: self.task.walker.batch.isa().name().to_owned(),
             iteration: self.iteration,
             wall_seconds,
             learner: self.learner.scalars(),
+            // A training without a curriculum writes no state of one.
             growth: self.task.settings.command.curriculum.as_ref().map(|_| self.growth),
         };
         let header = serde_json::to_string(&header).map_err(damaged)?;
         let views = tensors.iter().map(|(name, shape, dtype, bytes)| {
             TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
         });
+        // Collected first: a shape that does not fit its bytes must stop the writing.
         let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
         let mut bytes = serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)?;
         if !checksum::seal(&mut bytes, BEFORE) {
@@ -175,9 +181,10 @@ impl Training<'_> {
     /// time spent before, s.
     ///
     /// # Errors
-    /// A file cut short or changed in any bit, of another robot, other settings, another seed or another kind of processor; the training
-    /// is then of no use.
+    /// A file cut short or changed in any bit, of another robot, other settings, another seed or another kind
+    /// of processor; the training is then of no use.
     pub fn restore(&mut self, bytes: &[u8], origin: &Origin) -> Result<f64, CheckpointError> {
+        // The header is judged before any tensor: it says which program, training and machine wrote the file.
         let file = SafeTensors::deserialize(bytes)
             .map_err(|error| damaged(format!("it is cut short or damaged ({error})")))?;
         let header = header(bytes)?;
@@ -198,6 +205,7 @@ impl Training<'_> {
             }
             Ok(view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect())
         };
+        // The learner checks all its tensors together before it changes, so they are read first.
         let mut learner = Vec::new();
         let flat = self.learner.tensors().into_iter().map(|(name, _)| name.to_owned());
         for name in flat.chain(self.learner.memory_tensors().into_iter().map(|(name, _)| name)) {
@@ -243,6 +251,7 @@ impl Training<'_> {
         }
         self.iteration = header.iteration;
         self.growth = header.growth.unwrap_or_default();
+        // The curriculum subtracts `last` from the iteration, both unsigned.
         if self.growth.last > self.iteration {
             let last = self.growth.last;
             return Err(damaged(format!("its commands grew in iteration {last}, which it has not done")));

@@ -21,7 +21,7 @@ pub(super) struct Adam {
 }
 
 impl Adam {
-    /// For `size` parameters, before the first step.
+    /// Adam for `size` parameters, before the first step.
     pub(super) fn new(size: usize) -> Self {
         Self { first: vec![0.0; size], second: vec![0.0; size], steps: 0 }
     }

@@ -58,6 +58,8 @@ pub fn synthetic(
         // Step numbers keep the arrays' draws apart.
         normals(4, &mut samples.last_value);
         [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
+        // Copies: the samples keep the memories as they were before the first step, from which the update
+        // starts again.
         let [mut actor, mut critic] = learner.blank_memories(environments);
         let (of_actor, of_critic) =
             (environments * widths.observation, environments * widths.critic_observation);
@@ -68,10 +70,12 @@ pub fn synthetic(
         let of_action = environments * widths.action;
         let given =
             samples.mean.chunks_exact_mut(of_action).zip(samples.value.chunks_exact_mut(environments));
+        // Step by step, because a memory's output depends on all steps before.
         for ((seen, critic_seen), (mean, value)) in steps_seen.zip(given) {
             learner.means_with(environments, seen, &mut actor, mean, &mut scratch);
             learner.values_with(environments, critic_seen, &mut critic, value, &mut scratch);
         }
+        // `action` holds the normal draw z until it becomes μ + σ z.
         for row in 0..rows {
             let mut log_probability = 0.0;
             for (c, &log_std) in learner.log_std().iter().enumerate() {
@@ -103,12 +107,14 @@ pub fn time_updates(
     let settings = Settings { schedule: super::Schedule::Fixed, learning_rate: 1e-4, ..settings.clone() };
     let mut learner = Learner::new(settings, widths, 1)?;
     let mut samples = synthetic(&learner, tiles, environments, steps, 2);
+    // Warms up: the first update allocates gradients and workers.
     let diagnostics = learner.update(&mut samples, 0, threads)?;
     let mut timing = Timing { seconds: Vec::new(), cpu_seconds: Vec::new(), diagnostics };
     for iteration in 0..repeats {
         let (start, cpu_start) = (Instant::now(), process_seconds());
         timing.diagnostics = learner.update(&mut samples, iteration as u32 + 1, threads)?;
         timing.seconds.push(start.elapsed().as_secs_f64());
+        // Stays empty where the system tells no process times.
         timing.cpu_seconds.extend(process_seconds().zip(cpu_start).map(|(end, start)| end - start));
     }
     Ok(timing)

@@ -13,7 +13,7 @@ pub struct Exploration {
 }
 
 impl Exploration {
-    /// For environments numbered from `first` on.
+    /// Exploration of environments numbered from `first` on.
     pub fn new(seed: u64, first: u32) -> Self {
         Self { seed, first, normals: Vec::new() }
     }
@@ -37,10 +37,12 @@ impl Exploration {
             mean.len() == action.len() && action.len() == width * log_probability.len(),
             "means, actions and probabilities are of different numbers of environments"
         );
+        // The exponentials and the constant of the density are the same for all rows.
         let std: Vec<f32> = log_std.iter().map(|x| x.exp()).collect();
         let constant = log_std.iter().sum::<f32>() + 0.5 * width as f32 * std::f32::consts::TAU.ln();
         self.normals.resize(mean.len(), 0.0);
         let stream = Stream::new(self.seed, Purpose::EXPLORATION).step(step);
+        // A row's draws depend on its environment and the step alone, whatever the tiles.
         fill_normal_rows(stream, self.first, width, &mut self.normals);
         let rows = action.chunks_exact_mut(width).zip(mean.chunks_exact(width));
         let draws = self.normals.chunks_exact(width).zip(log_probability);
@@ -48,6 +50,7 @@ impl Exploration {
             let mut squares = 0.0;
             for k in 0..width {
                 let z = normals[k] as f32;
+                // The density is computed from the draw itself: (action − mean) / σ would round once more.
                 action[k] = std[k].mul_add(z, mean[k]);
                 squares += z * z;
             }

@@ -120,11 +120,14 @@ impl Learner {
                 return Err(ShapeError::EmptyLayer(what.to_owned()).into());
             }
         }
+        // Without a memory the two ends are the observation's own width, so that one list of checks serves
+        // both.
         let ends = |memory: &Option<Recurrent>, observed: usize| {
             memory.as_ref().map_or([observed; 2], |memory| [memory.inputs(), memory.outputs()])
         };
         let [actor_sees, actor_takes] = ends(&actor_memory, widths.observation);
         let [critic_sees, critic_takes] = ends(&critic_memory, widths.critic_observation);
+        // From front to back, so that the first width that does not fit is named.
         for (what, expected, found) in [
             ("the input of the actor's memory", widths.observation, actor_sees),
             ("the input of the critic's memory", widths.critic_observation, critic_sees),
@@ -146,6 +149,7 @@ impl Learner {
             .flatten()
             .map(|memory| memory.shape().parameters())
             .sum();
+        // One flat gradient holds all: its norm is limited as a whole.
         let size = actor.parameters.len() + critic.parameters.len() + remembering + log_std.len();
         let normaliser = |width| settings.normalise_observations.then(|| Normaliser::new(width));
         Ok(Self {
@@ -312,9 +316,11 @@ fn through(
     output: &mut [f32],
     scratch: &mut Scratch,
 ) {
+    // Without a memory normalising and the first layer are one pass.
     let Some((recurrent, memory)) = recurrent else {
         return network.forward_normalised(normaliser, rows, observation, output, scratch);
     };
+    // The caller's array may have room for more rows.
     let observation = &observation[..rows * recurrent.inputs()];
     let mut seen = Vec::new();
     match normaliser {

@@ -44,10 +44,13 @@ pub(super) struct Constants<T> {
 }
 
 impl<T: Scalar> Constants<T> {
-    /// For the policy's `log_std` now and `old_log_std` when it drew the actions.
+    /// The constants for the policy's `log_std` now and `old_log_std` when it drew the actions.
     pub(super) fn new(settings: &super::Settings, rows: usize, log_std: &[T], old_log_std: &[T]) -> Self {
+        // In `f64` even where the losses are `f32`: these few numbers enter every row.
         let exp = |x: T| T::from_f64(x.to_f64().exp());
         let normaliser: f64 = log_std.iter().map(|s| s.to_f64() + HALF_LOG_TAU).sum();
+        // KL divergence of two normal distributions with the same mean, by ln σ; the shift of the means is
+        // added row by row.
         let kl = |(new, old): (&T, &T)| {
             let d = old.to_f64() - new.to_f64();
             0.5 * (2.0 * d).exp() - d - 0.5
@@ -112,6 +115,7 @@ pub(super) fn policy<T: Scalar>(
     let old = targets.action.chunks_exact(width).zip(targets.mean.chunks_exact(width));
     let now = mean.chunks_exact(width).zip(mean_derivative.chunks_exact_mut(width));
     for (row, ((action, old_mean), (mean, derivative))) in old.zip(now).enumerate() {
+        // `derivative` keeps z until the slope of the whole row is known.
         let (mut squares, mut shift) = (T::ZERO, T::ZERO);
         for c in 0..width {
             let z = (action[c] - mean[c]) * constants.inverse_std[c];
@@ -124,6 +128,7 @@ pub(super) fn policy<T: Scalar>(
         let log_ratio = log_probability - targets.log_probability[row];
         let ratio = log_ratio.exponential::<false>();
         let advantage = targets.advantage[row];
+        // Comparisons and not `min` and `max`, which would replace a NaN by a bound and hide it.
         let clipped = if ratio < low { low } else { ratio };
         let clipped = if clipped > high { high } else { clipped };
         let (plain, bounded) = (-advantage * ratio, -advantage * clipped);
@@ -136,6 +141,8 @@ pub(super) fn policy<T: Scalar>(
             log_std_derivative[c] += slope * (z * z - T::ONE);
         }
         sums.surrogate += loss.to_f64();
+        // `kl` is exact for normal distributions and steers the learning rate. k1 and k3 are estimates from
+        // the samples, for comparison with other trainers.
         sums.kl += (half * shift + constants.kl_of_std).to_f64();
         sums.k1 -= log_ratio.to_f64();
         sums.k3 += (ratio - T::ONE - log_ratio).to_f64();
@@ -157,6 +164,7 @@ pub(super) fn value<T: Scalar>(
     for row in 0..value.len() {
         let (old, target) = (targets.value[row], targets.returns[row]);
         let moved = value[row] - old;
+        // As above, a NaN passes through.
         let bounded = if moved < -clip { -clip } else { moved };
         let bounded = if bounded > clip { clip } else { bounded };
         let (plain_error, bounded_error) = (value[row] - target, old + bounded - target);

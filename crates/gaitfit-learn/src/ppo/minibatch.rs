@@ -48,7 +48,7 @@ pub(super) struct Gradients {
 }
 
 impl Gradients {
-    /// For gradients of `size` numbers; nothing is allocated yet.
+    /// Room for gradients of `size` numbers; nothing is allocated yet.
     pub(super) fn new(size: usize) -> Self {
         Self { workers: Vec::new(), sequence_workers: Vec::new(), pieces: Vec::new(), total: vec![0.0; size] }
     }
@@ -102,6 +102,7 @@ impl Gradients {
                 gradient.fill(0.0);
                 of_log_std.fill(0.0);
                 *sums = Sums::default();
+                // A worker has room for a tile's rows.
                 for places in places.chunks(TILE) {
                     worker.gather_for_policy(tiles, places, scale);
                     worker.policy(point, places.len(), gradient, of_log_std, sums);

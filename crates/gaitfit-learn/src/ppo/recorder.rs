@@ -45,7 +45,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// With room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
+    /// A recorder with room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
     pub fn new(samples: Samples, exploration: Exploration) -> Self {
         let (critic_rows, values) = (Vec::new(), Vec::new());
         let memories = [Memory::default(), Memory::default()];
@@ -130,6 +130,7 @@ impl Recorder {
                 *reward += gamma * value;
             }
         }
+        // After the truncated states were valued: their memories must still be those of the old episode.
         for (index, _) in ends.iter().enumerate().filter(|(_, end)| **end != End::No) {
             self.memories.iter_mut().for_each(|memory| memory.begin(index));
         }
@@ -180,6 +181,8 @@ impl Recorder {
         rest: &mut [&[f32]; 2],
     ) -> bool {
         self.memories = learner.blank_memories(environments);
+        // A row that does not fit is noted and the others are taken all the same, so that `rest` moves on by
+        // whole rows.
         let mut fits = true;
         for (memory, rest) in self.memories.iter_mut().zip(rest) {
             let width = memory.width();

@@ -175,6 +175,7 @@ impl Samples {
     ) -> Result<(), SamplesError> {
         let memories = [("actor_memory", &self.actor_memory), ("critic_memory", &self.critic_memory)];
         for ((array, memory), shape) in memories.into_iter().zip(shapes) {
+            // Widths are compared as one number: all layers' states of one robot in a row.
             let (found, expected) = (memory.width(), shape.map_or(0, |shape| shape.remembered()));
             // A memory without recurrent layers has no rows to count.
             let environments = memory.environments().unwrap_or(self.environments);
@@ -182,6 +183,7 @@ impl Samples {
                 return Err(SamplesError::Memory { tile, array, expected, found });
             }
             if let Some(&value) = memory.numbers().iter().find(|x| !x.is_finite()) {
+                // The place is not told: a memory belongs to the whole rollout.
                 let (step, environment, element) = (0, 0, 0);
                 return Err(SamplesError::NotFinite { tile, array, step, environment, element, value });
             }

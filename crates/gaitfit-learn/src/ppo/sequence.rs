@@ -38,7 +38,7 @@ pub(super) fn groups<'a>(tiles: &'a [Samples], places: &'a [Place]) -> impl Iter
 pub(super) struct SequenceWorker<T> {
     /// Input of a network or of its memory, `steps × environments × width`.
     pub(super) input: AVec<T>,
-    /// Where episodes begin, `steps × environments`.
+    /// Whether an episode begins at each step, `steps × environments`.
     pub(super) begins: Vec<bool>,
     /// Memory before the first step, `environments × remembered`.
     pub(super) start: Vec<T>,
@@ -50,7 +50,7 @@ pub(super) struct SequenceWorker<T> {
 }
 
 impl<T: Scalar> SequenceWorker<T> {
-    /// For networks of these shapes and rollouts of up to `steps` steps.
+    /// A worker for networks of these shapes and rollouts of up to `steps` steps.
     pub(super) fn new(actor: &Shape, critic: &Shape, steps: usize) -> Self {
         let rows = steps.max(ROWS);
         Self {
@@ -114,6 +114,7 @@ impl<T: Scalar> SequenceWorker<T> {
             loss(targets, output, derivative);
             return tape.backward(network, rows, input, gradient);
         };
+        // The order of the flat gradient: the network's parameters, then its memory's.
         let (of_network, of_memory) = gradient.split_at_mut(network.shape.parameters());
         let given = Sequences { steps, robots, input, begins, start };
         sequences.forward(memory, &given);
@@ -121,6 +122,8 @@ impl<T: Scalar> SequenceWorker<T> {
         tape.forward(network, rows, seen);
         let (output, derivative) = tape.output(network.shape, rows);
         loss(targets, output, derivative);
+        // Back in the reverse order: the network's gradient by its input is what the memory's pass starts
+        // from.
         tape.backward(network, rows, seen, of_network);
         tape.to_input(network, rows, of_seen);
         sequences.backward(memory, &given, of_memory);
@@ -179,6 +182,7 @@ impl SequenceWorker<f32> {
             let (_, _, memory) = of(&tiles[place.tile as usize]);
             memory.append_row(place.row as usize, start);
         }
+        // All places of a group have as many steps as the first ([`groups`]).
         let Some(first) = places.first().map(|place| &tiles[place.tile as usize]) else { return [0, 0] };
         let steps = first.steps;
         input.resize(steps * places.len() * of(first).1, 0.0);

@@ -28,6 +28,7 @@ pub(super) fn deal(tiles: &[usize], minibatches: usize, seed: u64, iteration: u3
     }
     let stream = Stream::new(seed, Purpose::SHUFFLE).environment(iteration).step(epoch);
     let mut words = [0; 4];
+    // Four words come in a block, so one call of the generator serves four draws.
     for (draw, last) in (1..samples).rev().enumerate() {
         if draw % 4 == 0 {
             words = stream.block((draw / 4) as u32);
@@ -35,6 +36,7 @@ pub(super) fn deal(tiles: &[usize], minibatches: usize, seed: u64, iteration: u3
         let other = (u64::from(words[draw % 4]) * (last as u64 + 1)) >> 32;
         cards.swap(last, other as usize);
     }
+    // Samples are visited in their own order, and each goes to the next free place of its minibatch.
     let mut places = vec![Place { tile: 0, row: 0 }; samples];
     let mut cards = cards.into_iter();
     for (tile, &rows) in tiles.iter().enumerate() {

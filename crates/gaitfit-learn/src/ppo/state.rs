@@ -101,6 +101,7 @@ impl Learner {
     ) -> Result<(), StateError> {
         let mut sources = Vec::new();
         let tensors = self.tensors().into_iter().map(|(name, values)| (name.to_owned(), values));
+        // `sources` follows the order of the names, and `targets` below has the same order.
         for (name, mine) in tensors.chain(self.memory_tensors()) {
             let Some(values) = tensor(&name) else { return Err(StateError::Missing(name)) };
             if values.len() != mine.len() {

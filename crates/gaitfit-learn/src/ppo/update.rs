@@ -39,6 +39,7 @@ impl Learner {
         threads: usize,
     ) -> Result<Diagnostics, UpdateError> {
         let Settings { epochs, minibatches, gamma, lambda, .. } = self.settings;
+        // Before any change, so that unfit samples leave the learner as it was.
         gae::check_and_estimate(tiles, self.widths, gamma, lambda, threads)?;
         let remembers = self.actor_memory.is_some() || self.critic_memory.is_some();
         let samples = tiles.iter().map(Samples::rows).sum();
@@ -59,6 +60,8 @@ impl Learner {
         let count = |tile: &Samples| if remembers { tile.environments } else { tile.rows() };
         let counts: Vec<usize> = tiles.iter().map(count).collect();
         let units = if remembers { robots } else { samples };
+        // Before the advantages are normalised: the variance is that of the critic's plain errors. Returns
+        // that do not vary have none.
         let explained_variance = gae::explained_variance(tiles).unwrap_or(0.0);
         if self.settings.normalise_advantage {
             gae::normalise_advantages(tiles);
@@ -129,8 +132,10 @@ impl Learner {
         report: &mut Diagnostics,
     ) -> Result<(), Culprit> {
         let parts = self.parts();
+        // A fixed σ has no gradient. During the warm-up the policy must not move, and σ is a part of it.
         let learn_std = self.settings.fixed_std.is_none() && !critic_alone;
         let gradient = &mut self.gradients.total;
+        // The actor's part is zeroed before the norm is taken: it must not shrink the critic's step.
         if critic_alone {
             gradient[parts.actor.clone()].fill(0.0);
         }
@@ -140,6 +145,7 @@ impl Learner {
         }
         let count = rows as f64;
         let kl = sums.kl / count;
+        // Squares of `f32` gradients could overflow in `f32`; each part is summed apart to name the culprit.
         let squares =
             |range: &Range<usize>| gradient[range.clone()].iter().map(|&g| f64::from(g).powi(2)).sum::<f64>();
         let squares = [&parts.actor, &parts.critic, &parts.log_std].map(squares);

@@ -47,7 +47,7 @@ pub(super) struct Worker<T> {
 }
 
 impl<T: Scalar> Worker<T> {
-    /// For networks of these shapes.
+    /// A worker for networks of these shapes.
     pub(super) fn new(actor: &Shape, critic: &Shape) -> Self {
         Self {
             observation: avec![T::ZERO; TILE * actor.inputs],

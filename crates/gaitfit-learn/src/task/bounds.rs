@@ -20,6 +20,7 @@ impl Task {
         let bounds = |(index, name): (usize, &String)| {
             let joint = model.find_joint(name);
             let (home, scale) = (interface.default_pose[index], interface.action_scale[index].abs());
+            // A velocity target knows no range; the fastest wheel bounds it.
             if interface.velocity_joints.contains(name) {
                 let largest = interface.clip(index).min(LARGEST).min(FASTEST / scale) as f32;
                 return [-largest, largest];
@@ -32,6 +33,7 @@ impl Task {
             let kp = interface.kp[index];
             let beyond = effort.filter(|_| range.is_some() && kp > 0.0).map_or(0.0, |effort| effort / kp);
             let largest = interface.clip(index).min(LARGEST);
+            // 0 / 0 where the scale is 0 and the target is home: such an action moves nothing.
             let action = |target: f64| {
                 let action = (target - home) / scale;
                 if action.is_nan() { 0.0 } else { action.clamp(-largest, largest) as f32 }

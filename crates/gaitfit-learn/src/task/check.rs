@@ -13,6 +13,7 @@ const MAX_FEET: usize = 8;
 pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
     for term in interface.observation.iter().chain(&interface.critic_observation) {
         let width = term.quantity.width(interface.joints.len());
+        // No scale means 1, and one number scales all elements.
         if !matches!(term.scale.len(), 0 | 1) && term.scale.len() != width {
             let what = format!(
                 "scales {} by {} numbers; give one or {width}",
@@ -42,6 +43,7 @@ pub(super) fn check_pose(model: &Model, pose: &[f64]) -> Result<(), TaskError> {
             && !(low - rounded..=high + rounded).contains(&angle)
         {
             let unit = joint.kind.unit("rad");
+            // The user did not state this angle. It follows from the joint that this one is coupled to.
             if model.only_follows(index) {
                 return Err(TaskError::Coupling {
                     joint: shown(&joint.name),
@@ -88,6 +90,7 @@ fn check_joint_numbers(settings: &TaskSettings) -> Result<(), TaskError> {
     ];
     for (setting, number, max) in numbers {
         for (pattern, value) in number.into_iter().flat_map(JointNumber::entries) {
+            // Stiffness may be 0 joint by joint; with none at all the legs could not carry the robot.
             let zero = setting == "policy.kd" || setting == "policy.kp" && pattern.is_some();
             if value > 0.0 && value <= max || zero && value == 0.0 {
                 continue;
@@ -113,6 +116,7 @@ fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
     let (first, last) = (command.ranges(0.0), command.ranges(1.0));
     for (k, name) in ["x", "y", "yaw"].into_iter().enumerate() {
         let ([low, high], [min, max]) = (first[k], last[k]);
+        // Negated, so that NaN is refused.
         if !(low >= min && low <= high && high <= max) {
             let what = format!(
                 "is [{}, {}]; it must be [smallest, largest] inside task.command.{name}, [{}, {}]",
@@ -124,6 +128,7 @@ fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
             return refuse(&format!("command.curriculum.{name}"), what);
         }
     }
+    // Exactly one of the two conditions may say when to grow.
     match (curriculum.tracking, curriculum.iterations) {
         (Some(tracking), None) => share("tracking", tracking)?,
         (None, Some(0)) => {
@@ -185,6 +190,7 @@ fn check_positive(settings: &TaskSettings) -> Result<(), TaskError> {
         ("fall.tilt", settings.fall.tilt, 180.0),
     ];
     for (setting, value, max) in positive {
+        // Negated, so that NaN is refused; so are the intervals below.
         if !(value > 0.0 && value <= max) {
             return refuse(
                 setting,

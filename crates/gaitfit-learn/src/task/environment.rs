@@ -94,6 +94,7 @@ impl<'a> Environment<'a> {
         let Some(candidate) = candidates.first() else {
             return refuse("robots", "are none".to_owned());
         };
+        // The tile takes one set of networks for all its robots.
         if candidates.iter().any(|other| other.networks != candidate.networks) {
             return refuse("robots", "have different networks, which robots of a tile share".to_owned());
         }
@@ -112,12 +113,14 @@ impl<'a> Environment<'a> {
             motion: walker.batch.motion(count),
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],
+            // The widest ranges; a training with a curriculum narrows them before its first step.
             ranges: task.settings.command.ranges(1.0),
             last_action: LastAction::new(count, joints),
             turned: vec![0.0; count],
             past: [&walker.observation, &walker.critic_observation].map(|layout| Past::new(layout, count)),
             targets: vec![0.0; count * walker.default_pose.len()],
             feet: vec![Foot::default(); count * task.settings.feet.len()],
+            // Empty on ground without cells, where nothing is counted.
             ways: vec![Way::default(); if task.course.is_some() { count } else { 0 }],
             terms: vec![0.0; task.rewards.terms().len()],
             scratch: task.rewards.scratch(),
@@ -127,6 +130,7 @@ impl<'a> Environment<'a> {
             imus,
             noise: TorqueNoise::default(),
         };
+        // The level comes first: it decides where the robot starts.
         for index in 0..count {
             environment.draw_level(index, 0);
             environment.restart(index, 0);
@@ -246,7 +250,7 @@ impl<'a> Environment<'a> {
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
     }
 
-    /// Where environment `index` is in the motion that the policy follows.
+    /// Place of environment `index` in the motion that the policy follows.
     pub fn motion_place(&self, index: usize) -> MotionPlace {
         let time = f64::from(self.steps[index]) * self.task.walker.interface.control_dt;
         MotionPlace { time, heading: f64::from(self.turned[index]) }
@@ -271,11 +275,14 @@ impl<'a> Environment<'a> {
     /// [`Environment::begin_episodes`].
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let task = self.task;
+        // Before the step: the past rows are those of the state in which the actions were chosen.
         self.remember(step);
         task.walker.targets(actions, &mut self.targets);
+        // A push changes the velocity at once, so the step that follows already computes with it.
         self.push(step);
         let torques = self.noise.torques_of(&task.walker, &self.deviations, self.seed, self.first, step);
         self.tile.step(&self.targets, torques, &mut self.motion);
+        // Ages and feet come before the rewards, which read both.
         for index in 0..self.count() {
             self.steps[index] += 1;
             self.step_feet(index);
@@ -311,6 +318,7 @@ impl<'a> Environment<'a> {
 
     fn push(&mut self, step: u32) {
         let settings = &self.task.settings.push;
+        // 0 seconds turn pushes off.
         let period = (settings.seconds / self.task.walker.interface.control_dt).round() as u32;
         if period == 0 || settings.velocity == 0.0 {
             return;

@@ -36,12 +36,14 @@ pub fn advanced<R: Real>(
     begins: R,
 ) -> ([R; Foot::NUMBERS], R) {
     let (zero, one) = (R::zero(), R::lit(1.0));
+    // Numbers 0 and 1 in place of conditions: the same text runs on lanes and is recorded for kernels.
     let touches = R::select_lt(R::lit(TOUCH.into()), force, one, zero);
     // `on` if the foot touches the ground, else `off`.
     let either = |on, off| R::select_lt(zero, touches, on, off);
     // A foot that stands when its episode begins has not flown, so its first contact is no landing.
     let flew = R::select_lt(zero, air, one, zero);
     let landed = touches * (one - touching) * flew;
+    // A flight's length is taken when it ends, and kept until the next one ends.
     let last_air = either(R::select_lt(zero, air, air, last_air), last_air);
     let (dx, dy) = (place[0] - x, place[1] - y);
     let speed = (dx * dx + dy * dy).sqrt().div(dt);

@@ -33,9 +33,11 @@ impl Environment<'_> {
     pub(super) fn judge(&mut self, actions: &[f32], paid: &mut [f32], ended: &mut [Ended]) {
         let terms = self.task.rewards.terms().len();
         let joints = self.task.walker.joints.len();
+        // Taken out, because the moments borrow the whole environment.
         let mut scratch = std::mem::take(&mut self.scratch);
         let mut values = vec![0.0; LANES * terms];
         self.broken_term = None;
+        // As many robots at a time as the program of rewards computes together.
         for first in (0..self.count()).step_by(LANES) {
             let robots = first..self.count().min(first + LANES);
             let action = |index: usize| &actions[index * joints..(index + 1) * joints];
@@ -128,6 +130,7 @@ impl Environment<'_> {
     fn settle(&mut self, index: usize, velocity: [f32; 3], fallen: bool, values: &[f32]) -> (f32, Ended) {
         let task = self.task;
         let command = self.command[index];
+        // Before any return: the way counts also in a step that ends the episode.
         if let Some(way) = self.ways.get_mut(index) {
             way.advance(command, velocity, task.walker.interface.control_dt as f32);
         }
@@ -142,6 +145,7 @@ impl Environment<'_> {
         }
         let ended = if fallen {
             Ended::Fall
+        // Leaving the ground counts as a time-out: the critic's value stands for the reward that is cut off.
         } else if self.steps[index] >= task.episode_steps()
             || task.is_outside(vec_of(&self.motion.base_position[3 * index..]))
         {

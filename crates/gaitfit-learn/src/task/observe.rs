@@ -50,6 +50,7 @@ impl Environment<'_> {
     ) {
         let Task { settings, walker, .. } = self.task;
         let mut sensed = Sensed::new(walker.joints.len());
+        // A critic without an observation has rows of no width, which chunks refuse.
         for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
             match noise {
                 Some(_) => walker.sense(&self.motion, index, self.imu(index), &mut sensed),

@@ -25,6 +25,7 @@ pub(super) fn randomised(
 ) -> Result<Params<f64>, PhysicsError> {
     let stream = Stream::new(seed, Purpose::RANDOMISATION).environment(environment);
     let mut robot = robot.clone();
+    // Each quantity has a draw number of its own, so a new one does not change the others.
     robot.base_mass += within(stream, 0, settings.base_mass);
     for (k, shift) in robot.base_com.iter_mut().enumerate() {
         *shift += within(stream, 1 + k as u32, [-settings.base_com, settings.base_com]);

@@ -45,8 +45,11 @@ impl Environment<'_> {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
         };
+        // The simulator's numbers come first and are as many as the others leave. It checks their count
+        // itself.
         let Some(split) = saved.numbers.len().checked_sub(width) else { return Err(foreign) };
         let longest = self.task.episode_steps();
+        // No episode of this task grows older than that.
         if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
             return Err(foreign);
         }
@@ -70,6 +73,7 @@ impl Environment<'_> {
         self.past[1].restore(critic);
         for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<{ Foot::NUMBERS }>().0) {
             *foot = Foot::from_numbers(saved);
+            // Numbers have the height on flat ground.
             foot.height -= self.task.walker.ground_under(foot.place);
         }
         self.steps.copy_from_slice(&saved.steps);

@@ -73,6 +73,7 @@ impl Environment<'_> {
         self.last_action.set(index, &snapshot.last_action);
         let widths = [&self.task.walker.observation, &self.task.walker.critic_observation].map(Layout::width);
         for ((past, row), width) in self.past.iter_mut().zip(&snapshot.past).zip(widths) {
+            // An empty row stands for the start of an episode, where there is no past yet.
             past.begin(index);
             if row.len() == width {
                 past.set(index, row);
@@ -81,6 +82,7 @@ impl Environment<'_> {
         let feet = &mut self.feet[index * count..(index + 1) * count];
         for (foot, numbers) in feet.iter_mut().zip(&snapshot.feet) {
             *foot = Foot::from_numbers(numbers);
+            // Numbers have the height on flat ground.
             foot.height -= self.task.walker.ground_under(foot.place);
         }
         Ok(())

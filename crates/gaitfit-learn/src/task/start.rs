@@ -15,6 +15,7 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
     let either = |draw: u32, half: f64| within(stream, draw, [-half, half]);
     let yaw = either(0, settings.yaw.to_radians());
     let tilt = settings.tilt.to_radians();
+    // About the world's axes: the roll first, then the pitch, then the turn about the vertical.
     let posture = product(turn(1, settings.pitch.to_radians() + either(1, tilt)), turn(0, either(2, tilt)));
     let quaternion = product(turn(2, yaw), posture);
     let joints = task.start_pose.len() as u32;

@@ -49,6 +49,7 @@ impl Task {
         let policy = &settings.policy;
         check(settings)?;
         let pose = by_joint(model, &policy.default_pose, "policy.default_pose")?;
+        // Joints that follow others take their angles from the stated ones.
         let stated: Vec<usize> = (0..pose.len()).filter(|&joint| pose[joint].is_some()).collect();
         let mut pose: Vec<f64> = pose.iter().map(|angle| angle.unwrap_or(0.0)).collect();
         model.couple_others(&mut pose, &stated);
@@ -64,8 +65,10 @@ impl Task {
             Some(clip) => Some(ActionClip::Each(clip.of_joints(model, &moved, "policy.action_clip")?)),
         };
         let velocities = velocity_joints(model, &policy.velocity_joints, &moved)?;
+        // A wheel's angle grows without end, so the policy must not see it.
         let unseen: Vec<bool> = moved.iter().map(|joint| velocities.contains(joint)).collect();
         let seen = |terms: &[Term]| terms.iter().map(|term| without_angles(term, &unseen)).collect();
+        // Joints that the policy does not move hold the default pose, except those that a coupling moves.
         let held = joints.iter().filter(|joint| !moved.contains(joint) && !model.only_follows(**joint));
         let held = held.map(|&joint| Held {
             joint: name(&joint),
@@ -134,6 +137,7 @@ impl Task {
         let contacts = walker.batch.contact_geoms();
         let fall_geoms = walker.fall_geoms();
         let of_foot = |place: &usize| walker.feet.iter().any(|foot| foot.geoms.contains(place));
+        // Rewards count these contacts: feet are meant to touch, and a touch of the others ends the episode.
         let rest = |place: &usize| !of_foot(place) && !fall_geoms.contains(place);
         let body_geoms = (0..contacts.len()).filter(rest).collect();
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
@@ -242,6 +246,7 @@ impl Task {
         };
         let lots = pool::map(different.div_ceil(LOT), pool::threads(), lot);
         let robots: Vec<Params<f64>> = lots.into_iter().flatten().collect::<Result<_, _>>()?;
+        // The few robots are repeated in the order of the environments, which is modulo their count.
         if different == count {
             return Ok(robots);
         }
@@ -282,6 +287,7 @@ fn on_terrain(
     settings: &TaskSettings,
     terrain: &TerrainSettings,
 ) -> Result<(Course, Model), TaskError> {
+    // Cells would overlap the file's own boxes and fields.
     if let Some(obstacle) = model.obstacles.first() {
         let what = format!(
             "makes ground, and the robot file has its own (`{}`); leave out one of them",

@@ -47,6 +47,7 @@ impl Limits {
 
     fn admit_one(&self, motor: usize, wanted: &MotorCommand, q: f32, dq: f32) -> MotorCommand {
         let (speed, torque) = (self.speed[motor], self.torque[motor]);
+        // Each number is bounded by itself first; then their sum, the torque, is.
         let mut command = MotorCommand {
             q: wanted.q.clamp(self.lower[motor], self.upper[motor]),
             dq: wanted.dq.clamp(-speed, speed),
@@ -54,6 +55,7 @@ impl Limits {
             kp: wanted.kp.clamp(0.0, self.kp),
             kd: wanted.kd.clamp(0.0, self.kd),
         };
+        // At its greatest speed a joint may only be braked.
         let max = if dq >= speed { 0.0 } else { torque };
         let min = if dq <= -speed { 0.0 } else { -torque };
         let commanded = command.torque(q, dq);

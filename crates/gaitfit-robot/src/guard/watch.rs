@@ -60,12 +60,12 @@ impl GuardSettings {
 const SPEED_FACTOR: f32 = 1.5;
 /// See [`SPEED_FACTOR`].
 const SIMULATED_SPEED_FACTOR: f32 = 3.0;
-/// What a joint may seem to jump, beside its speed, rad: noise and delayed messages.
+/// Jump that a joint may show beside its speed, rad: noise and delayed messages.
 const JUMP: f32 = 0.25;
 /// Longest time between two states that the robot's counter may tell, ms: with more a state would be stale, and a
 /// wrong counter could excuse any jump.
 const MAX_COUNTED: u32 = 20;
-/// How far the length of the orientation's quaternion may be from 1.
+/// Max difference of the length of the orientation's quaternion from 1.
 const OFF_UNIT: f32 = 0.05;
 
 /// Watches a robot's states.
@@ -107,6 +107,7 @@ impl Watch {
             return Err(Reason::WrongChecksum);
         }
         let state = &reading.state;
+        // The time of the last news stays, so that a robot that repeats one state becomes too old.
         if let Some((_, before)) = &self.last
             && before.tick == state.tick
             && self.counts(reading)

@@ -122,6 +122,7 @@ impl Joining {
     pub(super) fn new(interface: &str, domain: u16) -> Result<Self, RobotError> {
         let address = Dds::check(interface, domain)?;
         let participant = DomainParticipantBuilder::new(domain)
+            // Only the robot's network: commands must not leave by another one.
             .with_only_networks([IpAddr::V4(address)])
             .same_host_loopback(address.is_loopback())
             .build()
@@ -185,6 +186,7 @@ impl Joining {
                 lock(&into).others += 1;
             }
         })?);
+        // Other controllers are still listened for.
         if silent {
             return Ok(None);
         }
@@ -273,6 +275,7 @@ fn listen<M: DeserializeOwned + Send + 'static>(
     let (handle, registration) = AbortHandle::new_pair();
     let work = async move {
         let mut stream = reader.async_sample_stream();
+        // Aborted from outside, as the stream itself never ends.
         while let Some(message) = stream.next().await {
             match message {
                 Ok(sample) => {

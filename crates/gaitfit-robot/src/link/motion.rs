@@ -68,6 +68,7 @@ impl MotionSwitcher {
                 .create_topic(name.to_owned(), kind.to_owned(), qos, TopicKind::NoKey)
                 .map_err(failed("make a topic"))
         };
+        // The answers' reader is made before the first question, or an early answer would be missed.
         let subscriber = participant.create_subscriber(&listening).map_err(failed("listen"))?;
         let responses = subscriber
             .create_datareader_no_key_cdr(&topic(RESPONSE, &listening)?, Some(listening.clone()))
@@ -130,6 +131,7 @@ impl MotionSwitcher {
             // What cannot be read is none of ours.
             for sample in self.responses.take(16, ReadCondition::any()).unwrap_or_default() {
                 let response = sample.into_value();
+                // An answer to any of the questions will do, also a late one.
                 if asked.contains(&response.header.identity) {
                     return Ok(Some(response));
                 }

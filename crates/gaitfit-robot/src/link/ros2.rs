@@ -62,6 +62,7 @@ impl Joining {
     pub(super) fn ros2(mut self, robot: &Robot, silent: bool) -> Result<Dds, RobotError> {
         let ros = robot.ros2().map_err(RobotError::Topics)?;
         let states = States::new(robot, &ros);
+        // Commands name the joints as the last states did, so both share the names.
         let names = Arc::new(Mutex::new(states.names()));
         let parts =
             Parts { states: Arc::new(Mutex::new(states)), names: Arc::clone(&names), inbox: self.inbox() };

@@ -101,8 +101,10 @@ impl<'a> Simulated<'a> {
                 RobotError::Simulation(format!("its model has no joint `{}`", motor.joint.escape_debug()))
             })?;
             joints[index] = joint;
+            // Joints without a motor stay at 0.
             angles[joint] = f64::from(motor.lying);
         }
+        // The body has no gains of its own: torques come from the commands, as on the robot.
         let limp = vec![0.0; model.joints.len()];
         let failed = |error: String| RobotError::Simulation(error);
         let body = Candidate::nominal(model).robot(&limp, &limp);
@@ -125,6 +127,7 @@ impl<'a> Simulated<'a> {
             nothing: vec![0.0; model.joints.len()],
             torques: vec![0.0; model.joints.len()],
         };
+        // Limbs that hang in the air swing down first.
         if hangs {
             (0..SETTLE).for_each(|_| simulated.step());
             simulated.ms = 0;
@@ -151,6 +154,7 @@ impl<'a> Simulated<'a> {
     }
 
     fn reading(&self) -> Reading {
+        // A base that is held fast has no motion, whatever the engine computes for it.
         let held = |held: f32, free: &[f32], k: usize| if self.hangs { held } else { free[k] };
         let quaternion =
             std::array::from_fn(|k| held(f32::from(u8::from(k == 0)), &self.motion.base_quaternion, k));
@@ -164,6 +168,7 @@ impl<'a> Simulated<'a> {
                 lost: self.joints.map(|_| 0),
                 quaternion,
                 gyroscope: std::array::from_fn(|k| held(0.0, &self.motion.base_angular, k)),
+                // That of a robot at rest, in the body's frame: preflight compares it with the orientation.
                 accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),
                 battery: Some(Battery { charge: 100, volts: 30.0, amps: 0.0 }),
                 tick: self.ms as u32,

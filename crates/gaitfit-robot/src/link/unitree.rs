@@ -22,6 +22,7 @@ impl Joining {
         let kind = Arc::clone(&machine);
         self.hear((robot.state_topic(), S::TYPE), "states", move |state: S| {
             let reading = state.reading(&slots);
+            // A damaged message must not change what commands say of the machine.
             if reading.seal != Seal::Wrong {
                 kind.store(state.machine(), Ordering::Relaxed);
             }

@@ -112,8 +112,10 @@ impl Listener {
             .build();
         let subscriber = participant.create_subscriber(&qos).map_err(failed("listen"))?;
         let (inbox, begin) = (Arc::<Mutex<Inbox>>::default(), Instant::now());
+        // The clock is read once: a computer whose time is set meanwhile must not make times jump.
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut threads = Vec::with_capacity(topics.len());
+        // Each topic has a thread of its own, so that a busy one does not hold up the others.
         for (number, topic) in topics.iter().enumerate() {
             let made = participant
                 .create_topic(topic.dds_name(), topic.dds_type(), &qos, TopicKind::NoKey)
@@ -129,6 +131,7 @@ impl Listener {
                     let ns = (since_1970 + begin.elapsed()).as_nanos() as u64;
                     let mut inbox = into.lock().unwrap_or_else(PoisonError::into_inner);
                     match message {
+                        // What the caller fetches too slowly is counted and let go, so memory stays bounded.
                         Ok(sample) if inbox.heard.len() < MAX_WAITING && inbox.bytes < MAX_BYTES => {
                             let bytes = sample.into_value();
                             inbox.bytes += bytes.len();

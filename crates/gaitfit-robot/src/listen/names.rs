@@ -30,6 +30,7 @@ impl Topic {
                 && text.len() <= LONGEST
                 && text.chars().all(|c| c.is_ascii_alphanumeric() || more.contains(c))
         };
+        // DDS puts `rt/` before names of ROS 2's topics.
         let short = name.strip_prefix("rt/").unwrap_or(name).trim_start_matches('/');
         if !plain(short, "_/") {
             return Err(format!("`{shown}` is no name of a topic; names have letters, digits, _ and /"));
@@ -83,6 +84,7 @@ pub fn topics(table: &BTreeMap<String, String>) -> Result<Vec<Topic>, RobotError
     let mut topics: Vec<Topic> = Vec::with_capacity(table.len());
     for (name, kind) in table {
         let topic = Topic::new(name, kind).map_err(RobotError::Topics)?;
+        // One topic may be written in several ways, which are the same only now.
         if topics.iter().any(|other| other.name == topic.name) {
             return refuse(format!("`{}` is there twice; name each topic once", topic.name));
         }

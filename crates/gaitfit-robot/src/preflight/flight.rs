@@ -160,6 +160,7 @@ impl Flight {
             return None;
         }
         let before = self.ticked.replace(now);
+        // While nothing is sent, motors keep to the last command.
         if let Some(gap) = before.map(|before| now.saturating_sub(before))
             && gap > self.watch.settings().late
         {
@@ -173,6 +174,7 @@ impl Flight {
         let wanted = self.wanted(now);
         let limits = self.watch.settings().limits;
         let command = match self.watch.state() {
+            // Damping leaves some torque unused, for a joint that is faster by now than in the last state.
             Some(state) if self.stage == Stage::Damping => {
                 let room = crate::guard::Limits {
                     torque: limits.torque.map(|torque| DAMPING_ROOM * torque),
@@ -183,6 +185,7 @@ impl Flight {
             Some(state) => limits.admit(&wanted, state).unwrap_or_else(|| damping(&self.damping)),
             None => damping(&self.damping),
         };
+        // Damping is bounded on purpose, so its changes are no finding.
         if self.stage != Stage::Damping {
             self.flown.changed += u64::from(command != wanted);
         }
@@ -203,6 +206,7 @@ impl Flight {
         }
         self.stage = stage;
         let wanted = plan.command(stage, time);
+        // A joint far from its target may have met something; more target would only press harder.
         if let Some(reason) = self.astray(stage, &wanted) {
             self.stop(now, reason);
             return damping(&self.damping);

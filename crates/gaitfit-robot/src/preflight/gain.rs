@@ -57,15 +57,18 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
     // All ages up to the time between two messages, with all delays; errors in one side, and in both.
     let pairs = (0..=steps(message)).flat_map(|age| (0..=steps(longest)).map(move |delay| (age, delay)));
     let (alone, both): (Vec<Tried>, Vec<Tried>) = pairs.map(|(age, delay)| smooth.fit(age, delay)).unzip();
+    // The gain is told as an interval over all fits that are possible; the delay comes from the best.
     let (kept, both) = (possible(&alone, FLOOR * total), possible(&both, FLOOR * total));
     let fits = || kept.iter().chain(&both);
     let (low, high) =
         fits().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), one| (l.min(one.gain), h.max(one.gain)));
     let best = kept.iter().min_by(|a, b| a.left.total_cmp(&b.left))?;
     let of_best: Vec<f64> = alone.iter().filter(|one| one.age == best.age).map(|one| one.left).collect();
+    // Neighbouring means share rows, so there are fewer independent ones (see `equation`).
     let overlap = (LENGTH as f64 / (1.5 * STRIDE as f64)).sqrt();
     // Between the steps the delay follows from the squares beside the best.
     let fine = least(&of_best, best.delay, smooth.torque.len(), overlap);
+    // Other possible delays count as error: they explain the torque about as well.
     let spread = 0.5 * span(fits().map(|one| one.delay as f64));
     let delay = Measured { value: STEP * fine.value - HELD, error: STEP * fine.error.max(spread) };
     Some(Reported { delay, gain: [low, high] })
@@ -100,9 +103,11 @@ struct Smooth {
 impl Smooth {
     fn new(rows: &[Row], window: Range<usize>, motor: usize, longest: usize) -> Self {
         let half = LENGTH / 2;
+        // Weights of a bump without corners: smoothing takes the noise that kd would enlarge.
         let bump = |k: usize| 1.0 - ((k as f64 - half as f64) / (half as f64 + 1.0)).powi(2);
         let weights: Vec<f64> = (0..=2 * half).map(|k| bump(k).powi(2)).collect();
         let sum: f64 = weights.iter().sum();
+        // At the ends of the recording the first or last row is repeated.
         let inside = |at: usize, k: usize| (at + k).saturating_sub(half).min(rows.len() - 1);
         let smooth = |value: &dyn Fn(&Row) -> f32, at: usize| {
             let terms = weights.iter().enumerate();

@@ -38,12 +38,14 @@ fn about(model: &Model, joint: usize, q: &[f64], up: Vec3) -> [f64; 2] {
     let body = model.joints[joint].body;
     let axis = model.joints[joint].axis_at(&frames[body]);
     let mut sums = [0.0; 2];
+    // Only bodies beyond the joint load it.
     for (index, part) in model.bodies.iter().enumerate() {
         if !carries(model, body, index) {
             continue;
         }
         let lever = axis.lever(frames[index].point(part.ipos));
         sums[0] += part.mass * GRAVITY * dot(up, lever);
+        // The joint's axis in the frame in which the body's inertia is diagonal.
         let principal = rotate(inverse(product(frames[index].quaternion, part.iquat)), axis.turn());
         let inertia: f64 = principal.iter().zip(&part.inertia).map(|(a, i)| a * a * i).sum();
         // The parallel-axis theorem.

@@ -61,8 +61,10 @@ pub(super) fn imu(heard: &[Heard]) -> ImuReport {
     let lengths: Vec<f64> = (0..accelerometer[0].len())
         .map(|at| accelerometer.iter().map(|v| v[at].powi(2)).sum::<f64>().sqrt())
         .collect();
+    // At rest an accelerometer reads the reaction to gravity, which points up.
     let pull: Vec3 = std::array::from_fn(|k| mean(&accelerometer[k]));
     let attitude = mean_attitude(heard);
+    // A robot that really turned a little must not look like a gyro with a bias.
     let turned = turning(heard);
     let bias = |k: usize| {
         let Measured { value, error } = mean_of_blocks(&gyro[k]);
@@ -100,6 +102,7 @@ pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, fi
         ("gyro", |one| &one.state.gyroscope),
         ("accelerometer", |one| &one.state.accelerometer),
     ];
+    // The means leave such numbers out, so these are told first.
     for (name, part) in parts {
         let wrong = heard.iter().filter(|one| part(one).iter().any(|x| !x.is_finite())).count();
         if wrong > 0 {

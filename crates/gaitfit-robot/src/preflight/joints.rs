@@ -61,6 +61,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
         let q = finite(&|one| one.state.q[motor]);
         let dq = finite(&|one| one.state.dq[motor]);
         let angle = mean(&q);
+        // To the nearer end of the range; negative outside.
         let room = (f64::from(limits.upper[motor]) - angle).min(angle - f64::from(limits.lower[motor]));
         let lost = |one: &Heard| one.state.lost[motor];
         let differences: Vec<f64> = q.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -98,6 +99,7 @@ pub(super) fn judge(
         let parts = |one: &Heard| [one.state.q[motor], one.state.dq[motor], one.state.torque[motor]];
         let names = ["angle", "velocity", "torque"];
         let wrong = (0..3).find(|part| heard.iter().any(|one| !parts(one)[*part].is_finite()));
+        // The other checks read these numbers and would mislead.
         if let Some(part) = wrong {
             let count = heard.iter().filter(|one| !parts(one)[part].is_finite()).count();
             say(Finding::fault(
@@ -134,6 +136,7 @@ pub(super) fn judge(
                 true => Finding::fault(Check::Still, problem, remedy),
                 false => Finding::warning(Check::Still, problem, remedy),
             });
+        // Only of a joint that did not move: otherwise the velocity may be true.
         } else if report.velocity.abs() > RESTING {
             say(Finding::warning(
                 Check::Still,

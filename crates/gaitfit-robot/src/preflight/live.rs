@@ -116,6 +116,7 @@ pub fn listen(
     let (mut heard, mut others) = (Vec::<Heard>::new(), 0);
     loop {
         let now = turns.next();
+        // Asked at every turn, so that a person's stop does not wait for the listening to end.
         if let Some(reason) = stop() {
             return Err(RobotError::NotArmed(reason));
         }
@@ -125,6 +126,7 @@ pub fn listen(
             None => now >= FIRST_STATE,
         };
         if over {
+            // States of which a part is missing say more than silence.
             if let (true, Some(what)) = (heard.is_empty(), link.lacks()) {
                 return Err(RobotError::NotArmed(Reason::Lacks(what)));
             }
@@ -157,6 +159,7 @@ pub fn tilt(
                 last = came;
             }
         })?;
+        // A robot that is switched off meanwhile ends the waiting.
         if now.saturating_sub(last) > FIRST_STATE {
             return Err(RobotError::NotArmed(Reason::NoState));
         }
@@ -192,6 +195,7 @@ pub fn fly(
     loop {
         let now = turns.next();
         if let Some(reason) = stop() {
+            // Nothing was sent yet, so the robot need not be damped.
             if stage == Stage::Idle {
                 return Err(RobotError::NotArmed(reason));
             }
@@ -208,6 +212,7 @@ pub fn fly(
         if let Some(what) = link.lacks() {
             flight.lacks(now, what);
         }
+        // Before it moves it listens for a while: another controller would show.
         if stage == Stage::Idle {
             match first {
                 Some(first) if now.saturating_sub(first) >= BEFORE => flight.arm(now)?,
@@ -223,6 +228,7 @@ pub fn fly(
         {
             flight.stop(now, Reason::Link(problem));
         }
+        // After the command, which may have changed the stage.
         if flight.stage() != stage {
             stage = flight.stage();
             report(stage);

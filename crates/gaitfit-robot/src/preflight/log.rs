@@ -45,6 +45,7 @@ pub fn sampled(flown: &Flown) -> SampledStates {
     let finite: Vec<&Heard> = flown.heard.iter().filter(|one| is_finite(&one.state)).collect();
     let (mut sent, mut heard) = (0, 0);
     let count = ((last.at - first.at).as_secs_f64() / DT) as u64;
+    // Both lists rise in time, so one pass over each finds the neighbours of every row.
     for number in 0..=count {
         let at = first.at + Duration::from_secs_f64(DT * number as f64);
         // A command that is sent a little late counts at its due time.
@@ -56,6 +57,7 @@ pub fn sampled(flown: &Flown) -> SampledStates {
         }
         let (Some(before), Some(after)) = (finite.get(heard), finite.get(heard + 1)) else { continue };
         let apart = after.came.saturating_sub(before.came).as_secs_f64();
+        // No state is made up across a gap, before the first message or between two of the same time.
         if before.came > at || apart > GAP || apart <= 0.0 {
             continue;
         }
@@ -117,6 +119,7 @@ fn unit(text: &mut String, state: &RobotState) {
 /// The log of a motion from the hanging pose on, as fits of legs in the air read it; `None` without it.
 pub fn motion_csv(flown: &Flown, sampled: &SampledStates, robot: &Robot) -> Option<String> {
     let plan = flown.plan.as_ref()?;
+    // The ways to and from the hanging pose start from anywhere and are no part of the log.
     let kept = |row: &&Row| matches!(row.stage, Stage::Hold | Stage::Joint(_) | Stage::Excite);
     let rows: Vec<&Row> = sampled.rows.iter().filter(kept).collect();
     let begin = rows.first()?.time;

@@ -115,6 +115,7 @@ pub fn moved(
     stopped(flown, sampled, robot, &mut findings);
     let (mut joints, mut mass_factor) = (Vec::new(), None);
     if let Some(plan) = &flown.plan {
+        // Which way is down decides the weights; a robot that hangs askew or has no orientation gets none.
         let vertical = mean_attitude(&flown.heard).map(up).filter(|up| up[2] > LEVEL);
         // Joint by joint: what its motion shows, and what it carries.
         let motions = plan.order().iter().filter_map(|&motor| {
@@ -172,6 +173,7 @@ fn joint(
     let travelled = |index: usize| span(rows[window.clone()].iter().map(|row| f64::from(row.state.q[index])));
     let others =
         (0..robot.motors.len()).filter(|index| *index != motor).map(|index| (index, travelled(index)));
+    // A joint that moves instead of the commanded one shows a wrong order.
     let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
     let response = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
     let equation = response.and_then(|response| response.equation);
@@ -262,6 +264,7 @@ impl Carried {
 fn judge(one: &JointMotion, kp: f64, findings: &mut Vec<Finding>) {
     let mut say = |finding: Finding| findings.push(finding.at_joint(&one.joint));
     let far = one.other.as_ref().filter(|(_, far)| *far > INSTEAD * one.asked);
+    // A joint that hardly moved shows nothing more.
     if one.moved < HARDLY * one.asked {
         say(match far {
             Some((other, far)) => Finding::fault(

@@ -60,12 +60,14 @@ pub(super) fn network(heard: &[Heard], other_commands: u64) -> NetworkReport {
         _ => 0.0,
     };
     let gaps = heard.windows(2).map(|pair| 1e3 * pair[1].came.saturating_sub(pair[0].came).as_secs_f64());
+    // A simulator may leave the counter at 0; then it shows neither losses nor doubles.
     let counts = heard.windows(2).any(|pair| pair[0].state.tick != pair[1].state.tick);
     let steps: Vec<i64> = heard
         .windows(2)
         // The difference as a signed number is right where the counter wraps, and negative for an older message.
         .map(|pair| i64::from(pair[1].state.tick.wrapping_sub(pair[0].state.tick).cast_signed()))
         .collect();
+    // The usual step is the median: losses make steps longer and must not change it.
     let ahead: Vec<f64> = steps.iter().filter(|step| **step > 0).map(|step| *step as f64).collect();
     let usual = median(&ahead);
     // A counter in ms of messages that come every 2 ms may step by 1 or 3.
@@ -102,6 +104,7 @@ fn clock(heard: &[Heard]) -> Option<ClockReport> {
             ([1.0, ms], counted)
         })
         .collect();
+    // A line through counter over arrival: its slope is the ratio of the clocks, its residuals the jitter.
     let (coefficients, covariance, left) = least_squares(&rows)?;
     let noise = left / rows.len().saturating_sub(2).max(1) as f64;
     let residuals: Vec<f64> =

@@ -85,6 +85,7 @@ impl Plan {
     pub fn new(robot: &Robot, from: PerMotor<f32>) -> Self {
         let hanging = robot.hanging();
         let kp = robot.each(|motor| SOFT * motor.kp);
+        // All joints take the time of the one with the longest way, so that they arrive together.
         let furthest = (0..from.len())
             .filter(|&motor| kp[motor] > 0.0)
             .map(|motor| f64::from(hanging[motor] - from[motor]).abs())
@@ -163,6 +164,7 @@ impl Plan {
         let between = |from: &PerMotor<f32>, to: &PerMotor<f32>, part: f64, motor: usize| {
             from[motor] + smooth(part) as f32 * (to[motor] - from[motor])
         };
+        // Gains rise from 0, so that a wrong zero does not show as a jump.
         let gain = if stage == Stage::Soften { (time / SOFTEN).clamp(0.0, 1.0) as f32 } else { 1.0 };
         PerMotor::from_fn(self.from.len(), |motor| {
             // A wheel is braked where it is.

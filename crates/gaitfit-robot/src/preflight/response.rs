@@ -66,6 +66,7 @@ pub(super) fn response(
 ) -> Option<Response> {
     let rows = &sampled.rows;
     let inside = rows.get(window.clone())?;
+    // Rows across a gap are no motion to integrate over.
     if inside.len() < 4 * LENGTH || inside.windows(2).any(|pair| pair[1].time - pair[0].time > 1.5 * DT) {
         return None;
     }
@@ -77,8 +78,11 @@ pub(super) fn response(
     let torque = reported(rows, window.clone(), motor, sampled.message);
     let otherwise = torque.map_or(0.0, |torque| torque.delay.value);
     let equation = equation(rows, window.clone(), motor, mean(&angles), otherwise);
+    // The motion itself is the better witness: reported torques may be late.
     let delay = equation.and_then(|equation| equation.delay).or(torque.map(|torque| torque.delay));
     let late = delay.map_or(0.0, |delay| delay.value);
+    // The target is taken as late as it acts, so that a delay does not look like a joint that follows too
+    // little.
     let steps = ((late + HELD) / DELAY_STEP).round().max(0.0) as usize;
     let slow = window.start..(window.start + slow).min(window.end);
     Some(Response { equation, torque, follows: follows(rows, slow, motor, steps) })

@@ -91,6 +91,7 @@ pub(super) fn least_squares<const N: usize>(
     if scale.iter().any(|scale| *scale <= 0.0 || !scale.is_finite()) {
         return None;
     }
+    // `left` becomes the identity and `inverse` the inverse of the scaled matrix.
     let mut left: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| normal[i][j] / (scale[i] * scale[j])));
     let mut inverse: [[f64; N]; N] =
@@ -120,6 +121,7 @@ pub(super) fn least_squares<const N: usize>(
         std::array::from_fn(|i| std::array::from_fn(|j| inverse[i][j] / (scale[i] * scale[j])));
     let coefficients: [f64; N] =
         std::array::from_fn(|i| covariance[i].iter().zip(&right).map(|(a, b)| a * b).sum());
+    // Summed from the rows: computed from the sums above it would be a small difference of large numbers.
     let left = rows
         .iter()
         .map(|(row, y)| (y - row.iter().zip(&coefficients).map(|(a, b)| a * b).sum::<f64>()).powi(2))

@@ -20,6 +20,7 @@ const LAST: usize = 50;
 /// Adds what is wrong if the motion was stopped.
 pub(super) fn stopped(flown: &Flown, sampled: &SampledStates, robot: &Robot, findings: &mut Vec<Finding>) {
     let Some(reason) = &flown.reason else { return };
+    // Only a joint that went astray has a motion from which more can be told.
     let diagnosed = match (reason, sampled.rows.first(), sampled.rows.last()) {
         (Reason::Astray { joint, .. }, Some(first), Some(last)) => {
             let motor = robot.motors.iter().position(|motor| motor.joint == *joint);
@@ -83,6 +84,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let (first, last) = (&rows[0], &rows[rows.len() - 1]);
     let wanted = f64::from(last.command[motor].q - first.command[motor].q);
     let by = |index: usize| f64::from(last.state.q[index] - first.state.q[index]);
+    // The last rows, where the target had gone furthest.
     let end = &rows[rows.len().saturating_sub(LAST)..];
     let made: Vec<f64> = end
         .iter()
@@ -98,6 +100,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
         .map(|index| (index, (by(index) - f64::from(last.command[index].q - first.command[index].q)).abs()))
         .filter(|(_, far)| *far > 0.5 * wanted.abs() && *far > 2.0 * MOVED)
         .max_by(|a, b| a.1.total_cmp(&b.1));
+    // From the cause that explains most to the one that is left: a motor without torque also sticks.
     let finding = if reports && made.abs() > ASKED && reported.abs() < ANSWER * made.abs() {
         Finding::fault(
             Check::Gains,

@@ -83,6 +83,7 @@ pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Findi
     let read = |motion: Motion| reports.iter().find(|one| one.motion == motion).map(|one| one.turn);
     let mut mounted = None;
     if !wrong.is_empty() {
+        // Three turns about the base's axes, as the unit read them, give the rotation between unit and base.
         let [x, y, z] = [Motion::RollRight, Motion::NoseDown, Motion::TurnLeft].map(read);
         let whole = match (x, y, z) {
             (Some(x), Some(y), Some(z)) => mounting([x, y, z]).map(nearest_quarter_turns),
@@ -116,8 +117,10 @@ fn name(motion: Motion) -> &'static str {
 
 fn report(tilted: &Tilted) -> Option<TiltReport> {
     let heard = &tilted.heard;
+    // Means over still moments before and after, so that noise does not matter.
     let from = mean_attitude(&heard[..heard.len().min(BEFORE)])?;
     let to = mean_attitude(&heard[heard.len().saturating_sub(BEFORE)..])?;
+    // The gyro alone, integrated from the first orientation, must lead to the second.
     let mut q = from;
     for pair in heard.windows(2) {
         let seconds = pair[1].came.saturating_sub(pair[0].came).as_secs_f64();

@@ -98,6 +98,7 @@ impl Tilting {
                 false => self.still_since = None,
             }
         }
+        // The turn is over once it is large enough and the robot is still again.
         if let Asked::Turn(motion) = self.asked {
             self.heard.push(one);
             let begun = self.heard.first().and_then(|first| orientation(first.state.quaternion));

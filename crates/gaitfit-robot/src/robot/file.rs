@@ -74,6 +74,7 @@ impl Robot {
         }
         let mut taken = Vec::with_capacity(self.motors.len());
         let mut named = Vec::with_capacity(self.motors.len());
+        // Without `slot` motors are in the messages' order.
         for (index, motor) in self.motors.iter().enumerate() {
             let slot = motor.slot.unwrap_or(index);
             let name = &motor.joint;

@@ -229,6 +229,7 @@ impl Robot {
                 }
             }
         }
+        // A motor that nobody commands would be limp, so it needs an angle at which it is held.
         let mut motors = self.motors.iter().enumerate();
         match motors.find(|(motor, it)| it.held.is_none() && !indices.contains(motor)) {
             Some((_, motor)) => Err(RobotError::Joints {

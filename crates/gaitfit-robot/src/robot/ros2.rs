@@ -91,6 +91,7 @@ impl Robot {
             order: self.command_order.clone().unwrap_or_else(|| CommandPart::ALL.into()),
         };
         let names = [&topics.states.name, &topics.imu.name, &topics.commands.name];
+        // This program would hear its own commands as states.
         if names[0] == names[1] || names[0] == names[2] || names[1] == names[2] {
             return Err(
                 "two of `state_topic`, `imu_topic` and `command_topic` are the same; give each its own"

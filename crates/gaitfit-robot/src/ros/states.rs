@@ -110,6 +110,7 @@ impl States {
         message: &JointState,
         patience: Duration,
     ) -> Result<Taken, String> {
+        // Places are found once: messages repeat the same names.
         if message.name != self.names && !self.find(&message.name)? {
             // Another program's joints beside those of the robot.
             if !self.names.is_empty() {
@@ -137,6 +138,7 @@ impl States {
                 message.effort.len()
             ));
         }
+        // Joints give the rate of states; the newest message of the inertial unit goes with each.
         let Some((came, imu)) = &self.imu else {
             return Ok(Taken::Lacks(format!("no inertial unit: nothing on {}", self.imu_topic)));
         };
@@ -160,6 +162,7 @@ impl States {
         let place = |motor: &(String, bool)| {
             let mut places =
                 names.iter().enumerate().filter(|(_, name)| is(motor, name)).map(|(place, _)| place);
+            // The second shows whether the name is there twice.
             (places.next(), places.next())
         };
         let places: Vec<_> = self.motors.iter().map(place).collect();

@@ -23,17 +23,17 @@ pub struct Board {
     pub reason: Option<Reason>,
     /// Why it was not armed when that was asked for.
     pub refused: Option<Reason>,
-    /// What was sent last.
+    /// The command that was sent last.
     pub sent: Option<Command>,
     /// Commands of other programs so far.
     pub others: u64,
-    /// To the sender: leave idle.
+    /// Asks the sender to leave idle.
     pub arm: bool,
-    /// To the sender: the commands are over, the robot comes to rest.
+    /// Tells the sender that the commands are over: the robot comes to rest.
     pub slow_down: bool,
-    /// To the sender: the walk is over.
+    /// Tells the sender that the walk is over.
     pub lie_down: bool,
-    /// To the sender: damping.
+    /// Asks the sender for damping.
     pub stop: Option<Reason>,
     /// To the sender: the policy's targets and their time. Motor order; rad, or rad/s for wheels that roll.
     pub targets: Option<(Duration, PerMotor<f32>)>,

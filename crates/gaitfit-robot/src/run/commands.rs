@@ -99,6 +99,7 @@ impl Steering {
                 return [0.0; 3];
             }
         };
+        // Whole steps are kept and not sums of speeds, so that as many presses back lead to exactly 0.
         steps.0[part] = (steps.0[part] + by).clamp(-STEPS, STEPS);
         self.command(steps.0)
     }

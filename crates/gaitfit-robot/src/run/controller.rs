@@ -14,7 +14,7 @@ use crate::robot::Robot;
 use crate::state::RobotState;
 use crate::supervisor::Phase;
 
-/// How long the robot walks under the command 0 before it lies down, s.
+/// Time for which the robot walks under the command 0 before it lies down, s.
 const STOP: f64 = 1.0;
 
 /// Runs a policy under commands.
@@ -22,9 +22,9 @@ pub struct Controller<'a> {
     pilot: Pilot<'a>,
     commands: Box<dyn Commands + 'a>,
     recorder: Recorder,
-    /// For each of the policy's joints, its motor.
+    /// Motor of each of the policy's joints.
     motors: Vec<usize>,
-    /// Where motors stay that the policy does not move, rad, motor order.
+    /// Angles at which motors stay that the policy does not move, rad, motor order.
     standing: PerMotor<f32>,
     sensed: Sensed,
     begun: Option<Duration>,
@@ -87,6 +87,7 @@ impl<'a> Controller<'a> {
         if board.phase != Phase::Idle {
             self.recorder.whole(now.as_secs_f64(), &state, age, board.phase, board.sent.as_ref())?;
         }
+        // In other phases the supervisor moves the robot alone.
         if !(matches!(board.phase, Phase::Walk | Phase::Stop) || board.awaits_policy) {
             return Ok(());
         }

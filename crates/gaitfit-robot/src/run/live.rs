@@ -18,9 +18,9 @@ use crate::supervisor::Phase;
 
 /// Time between two commands: a Go2 sends its states as often.
 const TICK: Duration = Duration::from_millis(2);
-/// How long to wait for a robot's first state.
+/// Time to wait for a robot's first state.
 const FIRST_STATE: Duration = Duration::from_secs(15);
-/// How long to listen for other controllers before arming.
+/// Time to listen for other controllers before arming.
 const LISTEN: Duration = Duration::from_secs(1);
 
 /// Callbacks to the person beside the robot, and settings of a run.
@@ -105,6 +105,7 @@ pub fn live(
     ask: Live<'_>,
 ) -> Result<Summary, RobotError> {
     let begin = Instant::now();
+    // Two loops share only the board: the one that sends must never wait for policy or disk.
     let board = Mutex::new(Board::default());
     let ended = Mutex::new(false);
     let (stop, over, real_time) = (ask.stop, &ended, ask.real_time);
@@ -114,6 +115,7 @@ pub fn live(
             .spawn_scoped(scope, || send(sender, begin, &board, over, stop))
             .map_err(|error| RobotError::Thread(error.to_string()))?;
         let done = control(&mut controller, begin, &board, ask);
+        // Whatever the outcome: the sending loop ends only by this.
         *lock(&ended) = true;
         let Ok(sender) = sending.join() else {
             return Err(RobotError::Thread("the loop that sends ended by itself".to_owned()));
@@ -241,6 +243,7 @@ fn control(
         return refused(reason);
     }
     let Some((_, state)) = state else { return refused(Reason::NoState) };
+    // A person may take any time here; meanwhile the sending loop goes on to listen.
     if !(ask.confirm)(&state) {
         return Ok((false, jitter, ask.limits));
     }
@@ -270,6 +273,7 @@ fn control(
         // The loop that sends clears these flags; one that it has not seen yet must stay.
         board.slow_down |= seen.slow_down;
         board.lie_down |= seen.lie_down;
+        // Logs that cannot be written stop the robot, and not this loop: it must follow until the robot lies.
         if let Err(error) = done {
             board.stop = Some(Reason::Log(error.to_string()));
         }

@@ -116,6 +116,7 @@ impl Recorder {
             "{head}time{},vx_cmd,vy_cmd,wz_cmd,{body},{more}\n",
             named(&["q_", "dq_", "qdes_", "act_"])
         );
+        // Several walks have a folder each, and the record of everything one beside them.
         let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };
         Ok(Self {
             folder: folder.to_owned(),

@@ -69,6 +69,7 @@ impl Script {
         let (mut rows, mut walks) = (Vec::new(), Vec::new());
         let mut begin = 0.0;
         for walk in recorded {
+            // Each walk is checked by itself, so that an error counts its own rows.
             let walk = Self::new(walk.clone())?;
             let end = begin + walk.seconds();
             // The last row of a walk only says when it ends: a pause takes its place.
@@ -156,7 +157,7 @@ impl Script {
         self.many
     }
 
-    /// How many walks are recorded.
+    /// Number of walks that are recorded.
     pub fn walks(&self) -> usize {
         self.walks.len()
     }

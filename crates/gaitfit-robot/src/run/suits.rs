@@ -59,6 +59,7 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     }
     let postures = robot.postures(interface)?;
     // What `gaitfit_policy_files::read` gives has a number for each joint.
+    // All motors are looked at: those that the policy does not move are held with gains too.
     for (motor, joint) in robot.joints().iter().enumerate() {
         let gains = [("kp", postures.kp[motor], limits.kp), ("kd", postures.kd[motor], limits.kd)];
         for (name, gain, max) in gains {

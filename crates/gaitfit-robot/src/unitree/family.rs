@@ -49,6 +49,7 @@ impl StateMessage for LowState {
 
     fn reading(&self, slots: &PerMotor<usize>) -> Reading {
         let motors = &self.motor_state;
+        // A battery that reports neither charge nor voltage is none, as in a simulator.
         let reported = self.bms_state.soc != 0 || self.power_v != 0.0;
         let (charge, volts, amps) = (self.bms_state.soc, self.power_v, self.power_a);
         Reading {
@@ -98,6 +99,7 @@ impl StateMessage for hg::LowState {
                 q: slots.map(|slot| motors[slot].q),
                 dq: slots.map(|slot| motors[slot].dq),
                 torque: slots.map(|slot| motors[slot].tau_est),
+                // Two sensors a motor; the hotter one counts.
                 temperature: slots.map(|slot| motors[slot].temperature[0].max(motors[slot].temperature[1])),
                 error: slots.map(|slot| motors[slot].motorstate),
                 lost: slots.map(|_| 0),

@@ -118,6 +118,7 @@ impl LowCmd {
 impl LowState {
     /// The vendor's C struct of this state, little-endian.
     pub fn layout(&self) -> [u8; STATE_BYTES] {
+        // The order and the gaps are those of the C struct: a group ends on a boundary of 4 bytes.
         let mut memory = Memory::new();
         memory.bytes(&self.head).bytes(&[self.level_flag, self.frame_reserve]);
         memory.words(self.sn).words(self.version).shorts([self.bandwidth]).align();

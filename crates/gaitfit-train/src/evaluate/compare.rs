@@ -57,6 +57,7 @@ pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Compariso
 
 fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
     let pairs = || policy.errors.iter().zip(&against.errors);
+    // Each pair is the same trial under both policies, so chance that both share drops out of the difference.
     let both: Vec<([f64; 3], [f64; 3])> = pairs().filter_map(|(one, other)| (*one).zip(*other)).collect();
     let difference = |value: fn(&[f64; 3]) -> f64| {
         estimate(&both.iter().map(|(one, other)| value(one) - value(other)).collect::<Vec<_>>())
@@ -69,6 +70,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
         // No pair differs: as far as Wilson's interval of the share of pairs that do reaches.
         fall_rate.ci95 = stats::Estimate::share(0, falls.len())
             .and_then(|none| none.ci95)
+            // Wilson's interval of 0 begins at 0, so it reaches twice its half.
             .map_or(f64::NAN, |half| 2.0 * half);
     }
     Comparison {

@@ -63,6 +63,7 @@ impl GroundChoice {
             })?;
             shares.insert(kind, 1.0);
         }
+        // As many columns for each kind, whatever their number.
         let columns = COLUMNS * shares.len();
         let settings = TerrainSettings { columns, ..TerrainSettings::with_kind(Kinds::Shares(shares)) };
         Ok(Self::Of { settings: Box::new(settings), file: None })
@@ -204,6 +205,7 @@ pub(super) fn measure(
     let subject = Subject { cancel: Some(&cancel), ..world.subject(plan.seed) };
     let (count, steps) = crossing_size(&world.scene, robots, speed);
     let periods = count * steps as usize;
+    // Progress is counted in control periods and shown in simulated seconds.
     let period = world.scene.walker.interface.control_dt;
     let crossings =
         watch.shared(Amount::simulated("uneven ground: simulated second", periods, period), |moved| {
@@ -214,6 +216,7 @@ pub(super) fn measure(
                 || Ok(crossings(&subject, robots, speed, plan.threads)?),
             )
         });
+    // First of all: after an interruption the measurement is an error whose text would mislead.
     super::go_on(watch)?;
     let crossings = crossings?;
     let results = match &world.scene.course {

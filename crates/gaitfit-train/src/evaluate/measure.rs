@@ -122,10 +122,12 @@ impl Evaluation {
         if self.trajectories == 0 {
             return Some("`trajectories` is 0".to_owned());
         }
+        // Results of older files have no entries for each trajectory.
         if !(self.errors.is_empty() || self.errors.len() == self.trajectories) {
             let count = self.errors.len();
             return Some(format!("`errors` has {count} entries for {} trajectories", self.trajectories));
         }
+        // Negated, so that NaN counts as impossible.
         let impossible =
             |row: &[f64; 3]| row.iter().any(|value| !(value.is_finite() && *value >= 0.0)) || row[2] > 1.0;
         if let Some(row) = self.errors.iter().flatten().find(|row| impossible(row)) {
@@ -191,6 +193,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
                 || Ok(run_trials(&subject, trajectories, seconds, threads)?),
             )
         });
+    // Before the result is looked at: an interrupted measurement ends in an error of its own.
     super::go_on(watch)?;
     let trials = trials?;
     // A policy that follows a motion has no commands.
@@ -253,6 +256,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         ground: Vec::new(),
         drawn: Some(drawn(world, &trials)),
         errors: trials.iter().map(errors).collect(),
+        // Entry by entry as many as trajectories; one that diverged has none.
         motion_errors: match follows {
             true => trials.iter().map(|trial| trial.motion_error.filter(|_| !trial.diverged)).collect(),
             false => Vec::new(),

@@ -85,6 +85,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     let EvaluateSettings { trajectories, drift, .. } = *settings;
     let interface = &world.scene.walker.interface;
     let period = interface.control_dt;
+    // A motion is followed to its end once, unless a length is given.
     let whole = || motion::seconds(interface).map(|seconds| seconds.clamp(period, LONGEST));
     let seconds = settings.seconds.or_else(whole).unwrap_or(SECONDS);
     check_length("`seconds` (--seconds)", trajectories, seconds, period)?;
@@ -100,6 +101,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
             settings.ground_robots
         )));
     }
+    // Opened before anything is measured, so that wrong settings are told at once.
     let uneven = ground::open(&settings.world, &settings.ground, &world.policy)?;
     let begun = Instant::now();
     // A GPU stays open from one measurement to the next.
@@ -119,6 +121,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     if let Some(ground) = &ground {
         measured.evaluation.ground.clone_from(&ground.results);
     }
+    // The verdict is about walks under random commands; uneven ground does not count.
     let verdict = verdict(&measured.evaluation, &world.scene.settings.command);
     // Robots that stand on legs in a wrong order need not fall.
     let fails = verdict.as_ref().is_some_and(|one| !one.walks);
@@ -146,7 +149,7 @@ const FASTEST: f64 = 100.0;
 /// Refuses commands of drift trials that cannot be. `key`: the setting.
 ///
 /// # Errors
-/// As it says.
+/// Settings out of range.
 pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
     match speeds.into_iter().flatten().find(|speed| !(0.0..=FASTEST).contains(speed)) {
         Some(speed) => Err(Error::settings(format!(
@@ -161,7 +164,7 @@ pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
 /// control, s.
 ///
 /// # Errors
-/// As it says.
+/// Settings out of range.
 pub fn check_length(key: &str, trajectories: usize, seconds: f64, period: f64) -> Result<(), Error> {
     let steps = trajectories as f64 * seconds / period;
     if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MAX_STEPS {

@@ -42,12 +42,14 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
     if falls > FEW_FALLS {
         let does = if evaluation.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
+        // A robot that falls early may also follow badly; the greater shortfall counts.
         let by_error = error / (FOLLOWS * standing_error(command));
         return Some(Verdict { walks: false, shortfall: (falls / FEW_FALLS).max(by_error), text });
     }
     if evaluation.diverged > 0 {
         return None;
     }
+    // A motion has no commands, so its own distance is judged and the velocity is not.
     if let Some(motion) = evaluation.motion_error {
         let rest = evaluation.motion_error_at_rest?;
         return follows_motion(motion.mean, rest, &fallen);
@@ -56,6 +58,7 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
     if still == 0.0 || !error.is_finite() {
         return None;
     }
+    // The gravest shortcoming is told, and only one.
     let against = goes_nowhere(error, command)
         .or_else(|| follows_badly(error, still))
         .or_else(|| drifts(&evaluation.drift));

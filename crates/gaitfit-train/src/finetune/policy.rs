@@ -27,6 +27,7 @@ pub fn read(path: &Path) -> Result<(Policy, String), Error> {
 pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> {
     let defaults = ppo::Settings::default();
     let kept = |name: &str, asked: &[usize], usual: &[usize], own: &[usize]| {
+        // A default is no wish: settings that nobody changed do not contradict the policy.
         if asked == own || asked == usual {
             return Ok(own.to_vec());
         }
@@ -48,6 +49,7 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> {
     }
     ppo.activation = actor.activation;
     settle_memory(ppo, policy)?;
+    // A critic that begins anew needs longer until it may teach the actor.
     ppo.critic_warmup.get_or_insert(CRITIC_WARMUP[usize::from(policy.critic.is_none())]);
     Ok(())
 }

@@ -66,6 +66,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     let mut files = Found::find(&files, &mut config, path)?;
     let (mut policy, policy_sha256) = policy::read(&files.policy)?;
     let theta_sha256 = files.theta.as_deref().map(hash_file).transpose()?;
+    // The hashes go into the written configuration, so that a resumed run finds changed files out.
     pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
     if let Some(theta) = &files.theta {
         pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
@@ -76,6 +77,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
             "`allow` has {name:?}; the finding that a training may pass over is \"{CONTRADICTED}\""
         )));
     }
+    // The same world as an evaluation's, so that both agree on robot, task and θ; only it is randomised.
     let asked = WorldSettings {
         policy: files.policy.clone(),
         robot: files.robot.clone(),
@@ -95,6 +97,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     config.lenient = arguments.lenient;
     let robot_file =
         files.robot.as_deref().map(|path| robot_file::record(path, config.lenient)).transpose()?;
+    // Noted now: `plan` writes the whole task into the configuration.
     let changed = !config.task.is_empty();
     let (plan, settings, new_critic) =
         plan(&mut config, &arguments, &mut policy, run).map_err(|error| wrong(error.to_string()))?;
@@ -134,6 +137,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         devices,
         warnings,
     };
+    // Any seed: this only shows whether policy and settings fit, and what the device must do.
     let learner = setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
     setup.settle_device(&learner)?;
     Ok(setup)
@@ -293,6 +297,8 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
     }
     let control_dt = policy.interface.control_dt;
     let mut settings = world::task(arguments, policy)?;
+    // A task file may have been written for another policy; only a change in [task] is a wish, and is refused
+    // below.
     settings.control_dt = control_dt;
     // The policy knows the final commands: it begins with them, unless [task] says otherwise.
     settings.command.curriculum = None;

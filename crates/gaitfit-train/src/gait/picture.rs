@@ -14,13 +14,16 @@ pub fn picture(record: &GaitRecord) -> GaitPicture {
     let feet = record.feet.len();
     let track = |foot: usize| FootTrack {
         name: foot_name(&record.feet[foot]).to_owned(),
+        // A record has the feet of a step side by side: every `feet`-th entry is one foot's.
         contact: record.contact.iter().skip(foot).step_by(feet).take(steps).copied().collect(),
         height_m: record.foot_clearance.iter().skip(foot).step_by(feet).take(steps).copied().collect(),
     };
+    // Velocities and commands are triples: forward, left, yaw rate.
     let part = |values: &[f64], k: usize| values.iter().skip(k).step_by(3).take(steps).copied().collect();
     let velocity =
         |k| VelocityTrack { command: part(&record.command, k), measured: part(&record.velocity, k) };
     GaitPicture {
+        // A record's first entry is after the first control period.
         time_s: (1..=steps).map(|step| step as f64 * record.dt).collect(),
         feet: (0..feet).map(track).collect(),
         velocity: [velocity(0), velocity(1), velocity(2)],

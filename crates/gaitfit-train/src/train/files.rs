@@ -153,6 +153,7 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
     for &seed in &plan.seeds {
         trained.push(seed_results(folder, setup, seed, watch)?);
     }
+    // A policy that was not trained has not learnt anything to be doubted.
     let doubts = match plan.trains() {
         true => not_learnt(setup, &trained).into_iter().collect(),
         false => vec![Doubt::new(DoubtKind::Untrained, plan.untrained().unwrap_or_default())],
@@ -192,6 +193,7 @@ fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64, watch: &Watch<'_>)
     let bytes = folder.read_bytes(&files.policy)?.unwrap_or_default();
     let policy = weights::read(&bytes).map_err(|error| Error::content(&path, error))?;
     let metrics = metrics::read(folder, &files.metrics, policy.provenance.iteration)?;
+    // The policy file says how many iterations there were; the file of metrics may have lost some.
     if metrics.len() != policy.provenance.iteration as usize {
         watch.note(&format!(
             "{} has {} of {} iterations: the results and curves leave the others out",

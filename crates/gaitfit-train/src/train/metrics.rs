@@ -72,11 +72,13 @@ impl Metric {
     /// The metrics of an iteration on a scene; `steps`: control steps of a rollout, all robots.
     pub fn new(iteration: &Iteration, scene: &Task, wall_seconds: f64) -> Self {
         let tally = &iteration.tally;
+        // Means over episodes exist only if one ended; a short rollout may see none end.
         let ended = |sum: f64| (tally.episodes > 0.0).then(|| sum / tally.episodes);
         let dt = scene.walker.interface.control_dt;
         let names = scene.reward_names();
         let terms = names.iter().zip(&tally.terms);
         Self {
+            // Numbers of iterations done, so the first is 1.
             iteration: iteration.number + 1,
             samples: u64::from(iteration.number + 1) * tally.steps as u64,
             reward: tally.reward / tally.steps,
@@ -88,6 +90,7 @@ impl Metric {
             linear_velocity_error: tally.tracking[0] / tally.steps,
             angular_velocity_error: tally.tracking[1] / tally.steps,
             terrain_level: scene.course.is_some().then(|| tally.levels / tally.steps),
+            // Per second: a step pays its weight times the control period.
             rewards: terms.map(|(name, sum)| ((*name).to_owned(), sum / tally.steps / dt)).collect(),
             command_level: iteration.commands.map(|commands| commands.level),
             command_tracking: iteration.commands.and_then(|commands| commands.tracking),

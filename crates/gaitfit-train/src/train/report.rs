@@ -94,6 +94,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
         series("episode length", "s", &|metric| unknown(metric.episode_seconds)),
         series("falls", "share of episodes", &|metric| unknown(metric.fall_rate)),
     ];
+    // Curves of a curriculum are there only if the task has one.
     if metrics.iter().any(|metric| metric.terrain_level.is_some()) {
         progress.push(series("mean level of the ground", "", &|metric| unknown(metric.terrain_level)));
     }
@@ -106,6 +107,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
     let rewards = names.unwrap_or_default().into_iter().map(|name| {
         series(&name.replace('_', " "), "1/s", &|metric| unknown(metric.rewards.get(&name).copied()))
     });
+    // Names come from the first iteration: all have the same.
     let names = metrics.first().map(|metric| diagnostics(&metric.ppo).map(|(name, _)| name));
     let learner = names.into_iter().flatten().enumerate().map(|(index, name)| Series {
         log: name == "learning_rate",

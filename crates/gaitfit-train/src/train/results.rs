@@ -128,6 +128,7 @@ impl SeedResult {
             // Iterations count by their episodes: in some of them few robots end one.
             (episodes > 0.0).then(|| sum / episodes)
         };
+        // The median: single slow iterations, as on a busy machine, do not move it.
         let mut speeds: Vec<f64> = metrics.iter().map(|metric| metric.times.samples_per_second).collect();
         speeds.sort_by(f64::total_cmp);
         let end = metrics.last();

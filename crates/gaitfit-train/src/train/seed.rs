@@ -100,6 +100,7 @@ impl Session<'_> {
                     Error::content(&self.folder.path().join(name), problem)
                 })?;
             }
+            // Without this a lost checkpoint would train the seed from nothing over its finished policy.
             None if self.folder.read(&self.files.metrics)?.is_some_and(|lines| !lines.is_empty()) => {
                 return Err(Error::failed(format!(
                     "{} is missing, and the seed has been trained already; restore it, or start afresh without \
@@ -107,6 +108,7 @@ impl Session<'_> {
                     self.folder.path().join(name).display()
                 )));
             }
+            // Before the first iteration, so that a run that dies early can be resumed as well.
             None => self.save()?,
         }
         let gpus = self.devices.open()?;
@@ -124,6 +126,7 @@ impl Session<'_> {
                 },
             }
         }
+        // Iterations after the checkpoint are done again, so their lines go.
         let kept = metrics::read(self.folder, &self.files.metrics, self.training.iteration())?;
         let mut lines = String::new();
         for metric in kept {
@@ -155,6 +158,7 @@ impl Session<'_> {
         let unwritable = |error| Error::unwritable(&event_path, error);
         let first = self.training.iteration();
         let mut events = EventFile::open(&event_path, Some(u64::from(first))).map_err(unwritable)?;
+        // A resumed run may have more iterations behind it than its settings ask for.
         let total = (self.setup.plan.train.iterations as usize).max(first as usize);
         let what = format!("seed {}, iteration", self.seed);
         let work =
@@ -164,6 +168,7 @@ impl Session<'_> {
         // When and at which iteration the last checkpoint was written.
         let mut saved = (Instant::now(), first);
         while !self.finished() {
+            // An error leaves the files of the last checkpoint, from which a resumed run goes on.
             let iteration = match &mut self.trainer {
                 Some(trainer) => match trainer.iterate() {
                     Ok(iteration) => iteration,
@@ -179,6 +184,8 @@ impl Session<'_> {
                 },
             };
             let metric = Metric::new(&iteration, &self.setup.scene, self.seconds());
+            // The line comes before the checkpoint: lines too many are cut, lines too few would be missing
+            // for good.
             self.folder.append(&self.files.metrics, &metric.line()?)?;
             let scalars = metric.scalars();
             let scalars: Vec<(&str, f64)> = scalars.iter().map(|(tag, x)| (tag.as_str(), *x)).collect();
@@ -189,6 +196,7 @@ impl Session<'_> {
             counting.metrics(&scalars);
             counting.step(metric.iteration as usize, steps, &state(&metric));
             let interrupted = self.watch.stop();
+            // An interruption saves first, so nothing that was computed is lost.
             if interrupted || saved.0.elapsed() >= every || self.finished() {
                 self.folder.sync(&self.files.metrics)?;
                 self.save()?;

@@ -23,16 +23,16 @@ pub struct Setup {
     pub plan: Plan,
     /// The robot.
     pub model: Model,
-    /// What robots are varied around; the robot of the file if there is none.
+    /// The robot around which robots are varied; that of the file if there is none.
     pub candidate: Option<Candidate>,
     /// Robots that they are varied around instead, each robot of the training around one of them; none without draws of
     /// fitted parameters.
     pub drawn: Vec<Candidate>,
     /// The task on it.
     pub scene: Task,
-    /// What the training continues from.
+    /// Policy that the training continues from.
     pub start: Option<Start>,
-    /// What the result depends on.
+    /// Inputs that the result depends on.
     pub inputs: Inputs,
     /// The robot's file, for the policies; absent for the built-in robot.
     pub robot_file: Option<RobotFile>,
@@ -118,6 +118,7 @@ pub fn setup(
     }
     let settled = config.task.settle(&model, config.robot.as_deref());
     settled.map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
+    // Again: `settle` has chosen between the Go2's settings and the robot's own.
     plan.configuration = table(&config)?;
     let refused = |error: TrainingError| refused(path, &error, printed_by);
     let scene =
@@ -144,6 +145,7 @@ pub fn setup(
         devices: devices.clone(),
         warnings,
     };
+    // Any seed: this only shows whether the settings fit, and what the device must do.
     let learner = setup.learner(0).map_err(refused)?;
     setup.settle_device(&learner)?;
     Ok(setup)
@@ -192,6 +194,7 @@ impl Setup {
             self.devices = device.into();
             return Ok(());
         }
+        // Seeds run side by side, each on a group of GPUs; groups of one size finish together.
         let (asked, seeds) = (self.devices.all().len(), self.plan.seeds.len());
         self.devices = self.devices.in_groups(seeds);
         let used = self.devices.all().len();
@@ -251,6 +254,7 @@ impl Plan {
         let samples = self.train.environments.saturating_mul(self.train.steps);
         let wrong = if seeds.is_empty() || seeds.len() > MAX_SEEDS {
             format!("`seeds` has {} numbers; give 1 to {MAX_SEEDS}", seeds.len())
+        // Two equal seeds would write the same files.
         } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
             format!("`seeds` has {} twice", seeds[twice])
         } else if let Some(large) = seeds.iter().find(|&&seed| seed > MAX_SEED) {
@@ -261,6 +265,7 @@ impl Plan {
             "`checkpoint_seconds` must be at least 0".to_owned()
         } else if self.train.iterations == 0 {
             "`train.iterations` must be at least 1".to_owned()
+        // 0 samples are refused by name below.
         } else if samples > 0 && samples < self.ppo.minibatches {
             format!(
                 "{samples} samples a rollout (`train.environments` × `train.steps`) cannot fill {} minibatches; raise \

@@ -19,6 +19,8 @@ pub struct Shown {
 /// Runs the policy's mean actions on the task without noise, pushes and variation, and records them.
 pub fn show(setup: &Setup, policy: &Policy) -> Result<Shown, Error> {
     let settings = &setup.scene.settings;
+    // A fine-tuning shows its fitted robot as it is; a training from nothing adds the rotor inertia that all
+    // its robots had.
     let task = if setup.candidate.is_some() { settings.calm() } else { settings.nominal() };
     let interface = policy.interface.clone();
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);

@@ -50,7 +50,7 @@ pub struct Anatomy {
 }
 
 impl Anatomy {
-    /// In the pose `angles` (rad, model order).
+    /// Finds the legs in the pose `angles` (rad, model order).
     pub fn find(model: &Model, angles: &[f64]) -> Result<Self, InitError> {
         let frames = body_frames(model, &Frame::WORLD, angles);
         let mut contacts: Vec<usize> = model.pairs.iter().map(|pair| pair.geom).collect();
@@ -73,6 +73,7 @@ impl Anatomy {
         let last = |path: &[usize]| {
             !path.is_empty() && !paths.iter().any(|other| other.len() > path.len() && other.starts_with(path))
         };
+        // Feet are the lowest geoms of last links: shanks and hands also collide.
         let mut ends: Vec<usize> = contacts.iter().copied().filter(|&geom| last(path_of(geom))).collect();
         let ground = ends.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
         let height = height_above(model, &frames, ground);
@@ -80,6 +81,7 @@ impl Anatomy {
         let mut legs: Vec<Leg> = Vec::new();
         for &geom in &ends {
             let path = path_of(geom).clone();
+            // Several geoms on one path are one foot.
             if legs.iter().any(|leg| leg.path == path) {
                 continue;
             }
@@ -127,10 +129,12 @@ impl Anatomy {
         let limp =
             |joint: &usize| model.only_follows(*joint) || of_leg(joint) && some_driven && !driven(joint);
         let passive: Vec<usize> = (0..model.joints.len()).filter(limp).collect();
+        // A wheel without a motor cannot be driven: it is only passive.
         let wheels: Vec<usize> = wheels.into_iter().filter(|joint| !passive.contains(joint)).collect();
         let moves = |joint: &usize| !wheels.contains(joint) && !passive.contains(joint);
         let moved: Vec<usize> = of_legs().filter(moves).collect();
         legs.iter_mut().for_each(|leg| leg.joints.retain(moves));
+        // A touch of the base is a fall.
         let base_geoms = contacts.into_iter().filter(|&geom| path_of(geom).is_empty()).collect();
         Ok(Self { gait: gait(&legs), moved, passive, wheels, base_geoms, legs })
     }
@@ -163,7 +167,7 @@ impl Anatomy {
         self.biped() && self.wheels.is_empty() && self.legs.iter().all(|leg| leg.sole)
     }
 
-    /// How the feet were found.
+    /// States how the feet were found.
     pub fn how(&self) -> String {
         let geoms = self.legs.iter().map(|leg| leg.geoms.len()).max().unwrap_or_default();
         let several = if geoms > 1 { format!(" ({geoms} geoms a foot)") } else { String::new() };
@@ -218,6 +222,7 @@ fn leg(
     frames: &[Frame],
 ) -> Leg {
     let bottom = own.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
+    // Only the lowest of the link's geoms are the foot; a shank on the same link is higher.
     let mut geoms: Vec<usize> = own.iter().copied().filter(|&geom| lowest(geom) <= bottom + near).collect();
     let (foot, geoms) = match geoms[..] {
         [only] => {
@@ -237,12 +242,14 @@ fn leg(
             if free && of_body.copied().eq(geoms.iter().copied()) {
                 (model.bodies[body].name.clone(), geoms)
             } else {
+                // The link's name would take in more than the foot, so the lowest geom alone stands for it.
                 geoms.sort_by(|&a, &b| lowest(a).total_cmp(&lowest(b)));
                 geoms.truncate(1);
                 (geoms.first().map_or_else(String::new, |&geom| model.geoms[geom].name.clone()), geoms)
             }
         }
     };
+    // A single ball has no extent and can roll; anything else can stand flat.
     let sole =
         geoms.len() > 1 || geoms.iter().any(|&geom| !matches!(model.geoms[geom].shape, Shape::Sphere { .. }));
     let count = geoms.len().max(1) as f64;
@@ -255,14 +262,17 @@ fn leg(
 fn wheel(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<usize> {
     let &last = leg.joints.last()?;
     let hinge = &model.joints[last];
+    // Several geoms are no wheel, and a joint with limits cannot roll on.
     let (&[geom], None, JointKind::Hinge) = (&leg.geoms[..], hinge.range, hinge.kind) else { return None };
     let geom = &model.geoms[geom];
     let (joint, foot) = (&frames[hinge.body], &frames[geom.body]);
     let axis = rotate(joint.quaternion, hinge.axis);
     let arm = sub(foot.point(geom.pos), joint.point(hinge.pos));
+    // The foot's centre must lie on the joint's axis; how far along it does not matter.
     let along = dot(arm, axis);
     let off_axis = (dot(arm, arm) - along * along).max(0.0).sqrt();
     let round = match geom.shape {
+        // A ball is round about any axis; others must also point along it.
         Shape::Sphere { radius } => off_axis < OFF_AXIS * radius,
         Shape::Cylinder { radius, .. } | Shape::Capsule { radius, .. } => {
             let turned = axes(product(foot.quaternion, geom.quat))[2];
@@ -299,6 +309,7 @@ fn gait(legs: &[Leg]) -> Vec<Vec<usize>> {
         side
     };
     let (left, right) = (side(true), side(false));
+    // Legs that are no pairs have no known gait.
     if left.len() != right.len() {
         return Vec::new();
     }

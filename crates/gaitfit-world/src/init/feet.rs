@@ -76,6 +76,7 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
             (sight.as_ref().map_or(f64::INFINITY, Sight::lowest), sight)
         })
         .collect();
+    // The lowest point of all limbs is on the ground; limbs that end well above it are arms.
     let ground = sights.iter().map(|(lowest, _)| *lowest).fold(f64::INFINITY, f64::min);
     if !ground.is_finite() {
         return (0, Vec::new());
@@ -85,9 +86,11 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
     let legs = sights.iter().filter(|(lowest, _)| near(*lowest)).count();
     let mut added = Vec::new();
     for (limb, (lowest, sight)) in limbs.iter().zip(&sights) {
+        // Limbs with a foot of their own have no sight, and keep it.
         let Some(sight) = sight.as_ref().filter(|_| near(*lowest)) else { continue };
         let length = leg_length(model, limb, &frames, *lowest);
         let Some((fitted, body)) = sight.fit(model, limb, &frames, length, legs <= 2) else { continue };
+        // Removed only now: a limb that nothing can be fitted to keeps its old geoms.
         if anew {
             remove(model, &touching(model, limb));
         }
@@ -96,6 +99,7 @@ fn fit_in(model: &mut Model, angles: &[f64], anew: bool) -> (usize, Vec<Added>) 
         let how = format!("{what}, {}", sight.source);
         added.push(Added { geom, how, guess: sight.guess, foot: true });
     }
+    // Last, as it needs to know where the ground is.
     added.extend(base_box(model, &frames, ground, height));
     (legs, added)
 }
@@ -134,6 +138,7 @@ impl Sight {
             outlines.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
         };
         let mut missing: Option<String> = None;
+        // Shapes that collide come first: the file means them to touch.
         for colliding in [true, false] {
             let mut points = Vec::new();
             let mut names: Vec<String> = Vec::new();
@@ -236,6 +241,7 @@ fn leg_length(model: &Model, limb: &Limb, frames: &[Frame], lowest: f64) -> f64 
 /// A box for a base of which nothing collides, if it is well above the feet.
 fn base_box(model: &mut Model, frames: &[Frame], ground: f64, height: f64) -> Option<Added> {
     let base: Vec<usize> = (0..model.bodies.len()).filter(|&body| path(model, body).is_empty()).collect();
+    // Whatever collides there already shows a fall.
     if model.geoms.iter().any(|geom| base.contains(&geom.body)) {
         return None;
     }
@@ -274,6 +280,7 @@ fn remove(model: &mut Model, geoms: &[usize]) {
         place += 1;
         places[place - 1].is_some()
     });
+    // Pairs name geoms by their place, which has moved.
     model.pairs.retain_mut(|pair| match places[pair.geom] {
         Some(new) => {
             pair.geom = new;
@@ -305,6 +312,7 @@ fn add_geom(model: &mut Model, body: usize, frame: &Frame, fitted: &Fitted, end:
     let geom = model.geoms.len() - 1;
     for plane in 0..model.planes.len() {
         let ground = Ground::Plane(plane);
+        // Friction and solver settings are like those of the robot's other geoms on this plane.
         let like = model.pairs.iter().find(|pair| pair.ground == ground).cloned();
         model.pairs.push(ContactPair { geom, ..like.unwrap_or_else(|| usual_pair(ground)) });
     }

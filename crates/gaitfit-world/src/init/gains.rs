@@ -114,6 +114,7 @@ impl<'a> Chooser<'a> {
         };
         let params = Robot::nominal(model).params(model);
         let params = params.map_err(|error| InitError::Robot(error.to_string()))?;
+        // The median is the usual motor: single strong or weak joints do not move it.
         let efforts = |kind: JointKind| {
             let of_kind = anatomy.moved.iter().filter(|&&joint| model.joints[joint].kind == kind);
             median(of_kind.filter_map(|&joint| model.effort(joint)).collect())
@@ -165,6 +166,7 @@ impl<'a> Chooser<'a> {
     /// kp, kd and the scale of actions of a joint; whether the robot's inertia bounds its gains. `takes_servos`: legs have the
     /// gains of the file.
     fn choose(&self, joint: usize, takes_servos: bool) -> ([f64; 3], bool) {
+        // Gains on a joint without a motor would be torques from nowhere.
         if self.anatomy.passive.contains(&joint) {
             return ([0.0, 0.0, SCALE], false);
         }
@@ -174,6 +176,7 @@ impl<'a> Chooser<'a> {
         }
         let moved = self.anatomy.moved.contains(&joint);
         let [stiff, thick] = if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
+        // Bounds at which the simulation of this joint stays stable with the usual physics step.
         let (stiffest, thickest) = (stiff * inertia / (STEP * STEP), thick * inertia / STEP);
         let [p, d] = match (moved, self.servos[joint]) {
             (true, Some([p, d])) if takes_servos && d > 0.0 => [p, d],
@@ -181,6 +184,7 @@ impl<'a> Chooser<'a> {
             (true, _) => [self.by_size(joint), DAMPING * self.by_size(joint)],
             (false, _) => {
                 let sag = model.joints[joint].kind.like("rad", SAG);
+                // More stiffness than this is of no use: the motor cannot give the torque at the allowed sag.
                 let weakest = model.effort(joint).unwrap_or(f64::INFINITY) / sag;
                 let p = self.held[joint].min(weakest).min(stiffest);
                 // kd = 2 ζ √(kp I) with a damping ratio ζ of 0.7.
@@ -215,6 +219,7 @@ impl<'a> Chooser<'a> {
     /// Where the gains are from, in words; `ratio` as of [`Self::ratio`].
     fn how(&self, source: Source, takes_servos: bool, ratio: Option<f64>) -> String {
         let lacks_kv = |&joint: &usize| self.servos[joint].is_some_and(|[_, d]| d == 0.0);
+        // Damping that the file does not state is a guess, and is told as one.
         if takes_servos && self.anatomy.moved.iter().any(lacks_kv) {
             return format!(
                 "kp of the file's position actuators, which state no kv: kd = {DAMPING} s · kp less the joint's damping (a guess)"
@@ -309,6 +314,7 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
     // Otherwise the integrator takes the joints' own damping from the end of the step, which bounds no step.
     let explicit = model.options.integrator == Integrator::Euler && !model.options.eulerdamp;
     let (mut most_d, mut most_k) = (0.0_f64, 0.0_f64);
+    // The worst chain of joints from the base decides.
     for body in 0..model.bodies.len() {
         let (mut d, mut k) = (0.0, 0.0);
         for joint in path(model, body) {
@@ -344,6 +350,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
     let frames = body_frames(model, &Frame::WORLD, angles);
     let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
+    // The centre of all mass that hangs on the joint; its distance is the longest lever of its weight.
     let inertia_about = |joint: usize| {
         let (mut mass, mut moment) = (0.0, [0.0; 3]);
         for ((body, frame), path) in model.bodies.iter().zip(&frames).zip(&paths) {

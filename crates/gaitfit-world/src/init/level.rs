@@ -31,6 +31,7 @@ impl Sole {
                     [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]].into_iter().for_each(&mut along);
                 }
             }
+            // Two balls, as under heel and toe, span a line as well.
             let others = leg.geoms[..place].iter().map(|&other| &model.geoms[other]);
             lines.extend(others.map(|other| [(other.body, other.pos), (geom.body, geom.pos)]));
         }

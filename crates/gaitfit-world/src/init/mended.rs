@@ -26,7 +26,7 @@ pub struct Prepared {
     pub mended: Vec<Guess>,
 }
 
-/// How a robot file is prepared.
+/// Options for preparing a robot file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation<'a> {
     /// Drop what the engine cannot simulate.
@@ -47,12 +47,14 @@ pub struct Preparation<'a> {
 pub fn prepare(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     let Preparation { lenient, feet_from_mesh, one_file, .. } = how;
     let plain = plainly(path, lenient);
+    // A file that reads plainly is mended only on request.
     let refusal = match plain {
         Ok(prepared) if !feet_from_mesh && !one_file => return Ok(prepared),
         Ok(_) => None,
         Err(error) => Some(error),
     };
     let Some(refusal) = refusal else { return mend(path, how) };
+    // A mending changes shapes and names; it cannot help a file that is missing or no XML.
     if !mendable(&refusal) {
         return Err(refusal);
     }
@@ -65,6 +67,7 @@ pub fn prepare(path: &Path, how: Preparation) -> Result<Prepared, Error> {
             if !second.contains(first.rsplit(": ").next().unwrap_or(&first)) {
                 advice.push(format!("It cannot be mended either: {second}"));
             }
+            // Closed chains are beyond any mending, but another file of the same robot may have them opened.
             let looped =
                 ["loop", "ball joint"].iter().any(|word| first.contains(word) || second.contains(word));
             advice.extend(twin::advice(path).filter(|_| looped));
@@ -99,6 +102,7 @@ fn mend(path: &Path, how: Preparation) -> Result<Prepared, Error> {
     let added = fit_feet(&mut model, how.feet_from_mesh);
     name_geoms(&mut model);
     let mut mended = changes(&model, &added);
+    // Rotors go into the file, so that training, fits and exports all have them.
     let mut rotors = rotors(&model).map_err(|error| looked(path, &error))?;
     if let Some(rotors) = &mut rotors {
         rotors.write(&mut model);

@@ -287,6 +287,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
             sizes.doubt.as_ref().map(|doubt| format!("; {doubt}")).unwrap_or_default()
         ),
     );
+    // Held, coupled and passive joints are named below, each kind with its reason.
     let others = model.joints.len() - anatomy.acting().len();
     let names = |joints: &[usize]| {
         joints.iter().map(|&joint| shown(&model.joints[joint].name)).collect::<Vec<_>>().join(", ")

@@ -64,6 +64,7 @@ pub fn start(model: &Model) -> Pose {
                 up(quat_of(&q))[2] > 0.9
             })
     };
+    // Keyframes named after standing come before others, which may show anything.
     let named = STANDING.iter().filter_map(|name| model.keyframe(name));
     let of_joints = named.chain(&model.keyframes).find(|key| stands(&key.qpos));
     match of_joints {
@@ -175,6 +176,7 @@ impl Chain {
             model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
         };
         let of_leg = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
+        // Joints that follow others bend the leg too, though they have no angle of their own to choose.
         let pitch: Vec<usize> =
             leg.path.iter().copied().filter(|joint| of_leg(joint) && sideways(joint)).collect();
         let free: Vec<usize> = pitch.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
@@ -253,11 +255,13 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         let now = rotate(frames[body].quaternion, [1.0, 0.0, 0.0]);
         now[2] - before[2]
     };
+    // The search moves the free joints; those that follow must be moved along before the pose is judged.
     let coupled = |angles: &[f64]| {
         let mut coupled = angles.to_vec();
         model.couple(&mut coupled);
         body_frames(model, &Frame::WORLD, &coupled)
     };
+    // The foot shall be under the hip, at `share` of the leg's reach below it, and a sole level.
     let cost = |angles: &[f64]| {
         let frames = coupled(angles);
         let (hip, end) = (anchor(hip, &frames), target(&frames));
@@ -271,6 +275,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     };
     let drawn = knee_forward(anchor(hip, &rest), anchor(pitch[1], &rest), target(&rest));
     let forward = drawn.unwrap_or(forward);
+    // The knee may bend to either side, so the search starts once on each.
     let mut best: Option<(f64, Vec<f64>)> = None;
     for sign in [1.0, -1.0] {
         let mut bent = angles.to_vec();

@@ -22,7 +22,7 @@ pub struct Rotors {
 }
 
 impl Rotors {
-    /// By the robot's size; `None` if a joint of the legs has a rotor in the file.
+    /// A guess by the robot's size; `None` if a joint of the legs has a rotor in the file.
     pub fn guess(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Option<Self> {
         let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
         bare.then(|| {

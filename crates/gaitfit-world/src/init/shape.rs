@@ -97,6 +97,8 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
     if !(tall > 0.0 && tall.is_finite() && leg > 0.0) {
         return None;
     }
+    // The foot's lowest slice is what touches. A second, thinner one shows whether the slice is flat or round
+    // below.
     let [thin, thick] = SLICE_BOUNDS;
     // More than half of a thin foot would include its upper side.
     let height = (SLICE * tall).clamp(thin, thick).min(0.5 * tall);
@@ -129,6 +131,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
     // A sole with round edges looks like a rod or a ball below them.
     let whole = Footprint::along(points, print.yaw).sides[1];
     let edged = soles && !small && flat != [true, true] && whole > WIDE * radius(print.sides[1]);
+    // Flat both ways is a sole, round both ways a ball, and flat one way a rod that lies along it.
     match flat {
         _ if soles && !small && (flat == [true, true] || edged) => {
             let (sine, cosine) = print.yaw.sin_cos();
@@ -141,6 +144,7 @@ pub fn foot(points: &[Vec3], leg: f64, soles: bool) -> Option<Fitted> {
                 what: "flat sole",
             })
         }
+        // Flat, but small or on many legs: a ball as wide as the print stands for it.
         [true, true] => round((0.5 * print.sides[0]).max(thin).min(0.5 * tall).min(SMALL * leg)),
         [false, false] => round(radius((print.sides[0] * print.sides[1]).sqrt())),
         [long, _] => {
@@ -174,6 +178,7 @@ pub fn wheel(points: &[Vec3], anchor: Vec3, axis: Vec3) -> Option<Fitted> {
     let other = cross(axis, side);
     let mut rim = [0.0_f64; SECTORS];
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    // The farthest point in each sector about the axis is the rim.
     for point in points {
         let arm = sub(*point, anchor);
         let (x, y) = (dot(arm, side), dot(arm, other));

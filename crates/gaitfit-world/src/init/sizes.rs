@@ -60,7 +60,7 @@ pub fn digits(value: f64, count: i32) -> f64 {
 }
 
 impl Sizes {
-    /// In the pose `angles` (rad, model order).
+    /// Sizes in the pose `angles` (rad, model order).
     pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
         let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
         // A file may switch gravity off; commands go with √(g l) and would be zero.
@@ -70,6 +70,7 @@ impl Sizes {
         let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
         let count = anatomy.legs.len() as f64;
         let (mut leg, mut foot) = (0.0, 0.0);
+        // Lengths are means over the legs.
         for one in &anatomy.legs {
             let low = one.geoms.iter().map(|&geom| bottom(geom)).fold(f64::INFINITY, f64::min);
             let hip = one.joints.first().or(one.path.first()).map_or(0.0, |&joint| {

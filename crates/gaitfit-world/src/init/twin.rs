@@ -25,6 +25,7 @@ pub(super) fn advice(path: &Path) -> Option<String> {
         if model.root != Root::Floating || (common as f64) < SAME * model.joints.len() as f64 || common == 0 {
             continue;
         }
+        // As `init` would do it, so that the advice names only files that it takes.
         super::feet::fit_feet(&mut model, false);
         let better = best.as_ref().is_none_or(|(most, _)| common > *most);
         if better && look(&model).is_ok() {

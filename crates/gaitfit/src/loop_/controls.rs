@@ -29,6 +29,7 @@ pub fn wanted(
     round: Option<&RoundResult>,
 ) -> Result<Vec<Control>, Error> {
     let controls = &setup.config.controls;
+    // Without a measurement nobody would see what the controls are good for.
     if !target.is_some_and(Target::measures) {
         return Ok(Vec::new());
     }
@@ -93,6 +94,7 @@ pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> 
 /// nominal simulator.
 pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option<String> {
     let against = |name: &str| comparisons.iter().find(|one| one.against == name);
+    // Randomisation is the stronger rival; a gain over the nominal simulator alone says less.
     let (comparison, than) = against(RANDOMISED)
         .map(|comparison| (comparison, "domain randomisation"))
         .or_else(|| against(NOMINAL).map(|comparison| (comparison, "the nominal simulator")))?;
@@ -110,6 +112,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         Better::Policy => {
             format!("The fit gave {}less tracking error than {than}: {numbers}.", less(fitted, other))
         }
+        // One of both errors may be smaller beyond chance though their sum is not.
         Better::Neither => match less_of(comparison) {
             Some(which) => format!(
                 "The fit gave less {which} error than {than}, but the sum of both errors does not differ from \

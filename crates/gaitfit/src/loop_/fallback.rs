@@ -37,6 +37,7 @@ pub fn model(
         return Ok(Model { robot, theta: theta.to_owned(), fallback: None });
     }
     let why = results.contradiction().unwrap_or_default();
+    // The last fit that walks support is the next best; without one there is only the robot's file.
     if let Some(supported) = supported(before) {
         let theta = PathBuf::from(&supported.theta);
         let robot = TrainingRobot::fitted(theta.clone(), settled::of_round(supported)?);

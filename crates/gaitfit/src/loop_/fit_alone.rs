@@ -16,11 +16,13 @@ const SHARED: [&str; 7] = ["name", "policy", "robot", "lenient", "runs", "logs",
 /// # Errors
 /// A file that cannot be read, unknown settings, a loop without logs.
 pub fn settings(path: &Path, sets: &[String]) -> Result<AdaptConfig, Error> {
+    // Only a look at the keys: errors of the file are reported by the reading below.
     let table = read_text(path, MAX_BYTES).ok().and_then(|text| text.parse::<toml::Table>().ok());
     let is_loop = table.is_some_and(|table| OF_LOOPS.iter().any(|key| table.contains_key(*key)));
     if !is_loop {
         return settings::load(Some(path), sets);
     }
+    // A fit's setting stands in the loop's table [adapt], except those that both have.
     let of_loop = |set: &String| {
         let key = set.split(['.', '=']).next().unwrap_or_default().trim();
         let stays = SHARED.contains(&key) || OF_LOOPS.contains(&key) || key == "held_out";

@@ -30,9 +30,11 @@ pub fn target(
         }
         Ok(Some(target))
     };
+    // Nothing can be asked, so the robot counts as there.
     if words.is_empty() {
         return Ok((run(None)?, None));
     }
+    // A resumed run keeps to what it found at first: rounds with and without a robot cannot be compared.
     let began = began(folder)?;
     if let Some(Presence { there: false, why }) = began {
         watch.note(&format!("this run began without its robot ({why}) and ends without it"));
@@ -56,6 +58,7 @@ pub fn target(
             folder.path().display()
         )));
     }
+    // Without a probe the words were only looked through for Python, so its lack is no absent robot.
     if target.probe.is_empty() {
         return Err(missing(format!(
             "{}: no Python for the words of [target]: {why}. Install one, or name it in GAITFIT_PYTHON.",

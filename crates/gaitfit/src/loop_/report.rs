@@ -146,6 +146,7 @@ fn side_by_side(setup: &Setup, done: &Done) -> Result<Option<Replay>, Error> {
     else {
         return Ok(None);
     };
+    // The same commands and seed for both, so that the two robots can be watched side by side.
     let commands = gait::tour(&setup.task.command);
     let seed = setup.config.evaluate.seed;
     let record = |policy: &PolicyFiles| match &done.target {
@@ -185,6 +186,7 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
             format!("round-{number}/finetune/report.html"),
         ));
     }
+    // Controls that were not trained left no folder.
     for (name, place) in controls::PLACES {
         if folder.path().join("controls").join(place).is_dir() {
             links.push(link(format!("Training: {name}"), format!("controls/{place}/finetune/report.html")));

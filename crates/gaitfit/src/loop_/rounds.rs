@@ -46,6 +46,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     let mut stages = Stages::new(setup, folder, target, watch)?;
     let stage_count = count(setup, max, stages.target.as_ref());
     stages = stages.counted(stage_count);
+    // Policy 0 is measured first, so that every round has something to be better than.
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
@@ -65,6 +66,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         if let (true, Some(after)) = (max > 1, policies.last()) {
             choices.extend(measurement(TARGET, stages.for_choice(&format!("policy-{number}"), after)?));
         }
+        // With one round nothing is chosen, so the reported trajectories will do.
         let judged = if choices.is_empty() { &evaluations } else { &choices };
         let (helped, why) = helped(setup, &rounds, judged);
         if !helped {
@@ -72,10 +74,12 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
             break;
         }
     }
+    // After the last round: the robot walks once more under the policy that came out.
     last_walk(&mut stages, &policies)?;
     reference(&mut stages, &policies, &mut evaluations)?;
     let number = best(&policies, if choices.is_empty() { &evaluations } else { &choices });
     let after = &policies[number];
+    // Controls get as many trainings as the chosen policy had, so they come after the choice.
     controls::run(&mut stages, &policies, rounds.get(number.max(1) - 1), number.max(1), &mut evaluations)?;
     let comparisons = controls::comparisons(&after.name, &evaluations);
     let results = Results {
@@ -129,6 +133,7 @@ fn one_round(
     let Some(before) = policies.last() else {
         return Err(Error::failed("a round without a policy to begin with"));
     };
+    // Given logs are those of the first policy; a later one must walk itself.
     let logs = if number == 1 && !setup.logs.is_empty() {
         setup.logs.clone()
     } else {
@@ -148,6 +153,7 @@ fn one_round(
     let (finetune, seed, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
+    // The policy before is measured in the new simulator too: both numbers must be of one simulator.
     let on = adapted(number, setup.config.rounds);
     evaluations.extend(measurement(TARGET, stages.on_target(&stem(number), &after)?));
     evaluations.extend(measurement(&on, stages.on_adapted(&stem(number - 1), before, number, &theta)?));
@@ -162,6 +168,7 @@ fn one_round(
         finetune,
         seed: Some(seed),
     };
+    // Pushed last: `before` is borrowed from the list until here.
     policies.push(after);
     Ok((result, fit))
 }
@@ -246,6 +253,7 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
     let Some(last) = rounds.last() else { return (true, String::new()) };
     let error = |policy: &str| measured(evaluations, policy).map(results::tracking_error);
     let percent = 100.0 * share;
+    // Where the target measures policies, their errors decide; else the costs of the fits.
     if let (Some(before), Some(after)) = (error(&last.before), error(&last.after)) {
         let why = format!(
             "round {} did not lower the tracking error on the target by {percent:.0} %: {before:.4} before, {after:.4} \
@@ -349,6 +357,7 @@ fn warnings(
             warnings.push(format!("{} tracks no better than {} on the target", round.after, round.before));
         }
         let (falls, fell) = (after.fall_rate, before.fall_rate);
+        // Only where the intervals do not touch.
         if falls.mean - falls.ci95 > fell.mean + fell.ci95 {
             warnings.push(format!("{} falls more often than {} on the target", round.after, round.before));
         }

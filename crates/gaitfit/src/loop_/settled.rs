@@ -42,6 +42,7 @@ pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
     let load = has(number(RobotNumber::PayloadMass));
     let pair = |value: f64| Value::Array(vec![Value::Float(value); 2]);
     let settled = [
+        // A draw of the mass on top of a fitted mass would undo the fit.
         (load || has(number(RobotNumber::BaseMass)), "base_mass", pair(0.0)),
         (
             load || has(number(RobotNumber::BaseComX)) && has(number(RobotNumber::BaseComY)),
@@ -52,6 +53,7 @@ pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
         (strength || has(joint(JointParameter::KpScale)), "kp", pair(1.0)),
         (strength || has(joint(JointParameter::KdScale)), "kd", pair(1.0)),
     ];
+    // Nothing to add must not leave an empty table behind.
     let settled: Vec<_> = settled.into_iter().filter(|(known, ..)| *known).collect();
     if settled.is_empty() {
         return task;

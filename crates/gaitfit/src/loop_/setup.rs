@@ -80,6 +80,7 @@ impl Setup {
         }
         let policy = gaitfit_policy_files::read(&policy_path)?;
         let policy_bytes = weights::write(&policy)?;
+        // Without a robot of its own the loop takes that of the policy's training.
         if let (None, Some(recorded)) = (&robot, &policy.provenance.robot_file) {
             let (path, note) = robot_file::find(&policy_path, recorded, &policy.interface.robot)?;
             config.robot = path.display().to_string();
@@ -115,6 +116,7 @@ impl Setup {
             }
             _ => None,
         };
+        // The run is bound to the settings that count and to its files, by their hashes.
         let resolved = config
             .resolved()
             .map_err(|error| Error::failed(format!("cannot write the configuration: {error}")))?;
@@ -137,9 +139,11 @@ impl Setup {
             devices: Device::Cpu.into(),
             warnings: doubts,
         };
+        // The task needs the rest of the setup, so it is filled in afterwards.
         let task = world::task(&setup.world_arguments(None), &setup.policy)?;
         let setup = Self { task, ..setup };
         setup.check_lengths().map_err(|error| error.within(format!("{}:", config_path.display())))?;
+        // All stages are checked now: a setting that does not fit would stop the loop hours later.
         let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
         training.map_err(|error| error.within(format!("{}: [finetune]", config_path.display())))?;
         setup.check_fit()?;

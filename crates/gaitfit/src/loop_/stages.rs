@@ -113,6 +113,7 @@ impl<'a> Stages<'a> {
             target.collect(policy, seed, &folder, self.watch)?;
             self.times.set(name, begun.elapsed().as_secs_f64())?;
         }
+        // Checked after a resume too: the folder may be one that held no log the first time.
         if csv_files(&folder)?.is_empty() {
             return Err(Error::failed(format!(
                 "{} holds no logs: every robot fell before its log began",
@@ -140,6 +141,8 @@ impl<'a> Stages<'a> {
         // An interruption comes before errors: reading that was stopped is no fault of the files.
         let setup = opening.watch(self.watch).open();
         self.stopped()?;
+        // Errors of logs get advice: they may be few because some are held out, or bad as the target recorded
+        // them.
         let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error
@@ -203,6 +206,7 @@ impl<'a> Stages<'a> {
             theta_sha256: None,
             // Draws are of a fit.
             randomise_theta: (settings.randomise_theta || robot.drawn) && robot.fitted,
+            // A control is trained as long as all rounds of the loop together.
             train: TrainingSettings {
                 iterations: settings.train.iterations.saturating_mul(robot.times),
                 ..settings.train.clone()
@@ -215,6 +219,7 @@ impl<'a> Stages<'a> {
             checkpoint_seconds: self.setup.config.checkpoint_seconds,
             ..settings.clone()
         };
+        // Written before the training, so that the file is there to be read if it fails.
         self.write_config(&file, &config)?;
         let setup = finetune::setup(finetune::Request {
             config: config.clone(),
@@ -253,6 +258,7 @@ impl<'a> Stages<'a> {
         mut trained: Vec<(u64, Vec<u8>)>,
     ) -> Result<(u64, Vec<u8>), Error> {
         let mut evaluations = Vec::with_capacity(trained.len());
+        // A single training needs no choice, so it is not measured.
         for (seed, bytes) in trained.iter().filter(|_| trained.len() > 1) {
             let policy = weights::read(bytes)?;
             let (spring, torque_noise) = (robot.spring.clone(), robot.torque_noise);
@@ -262,6 +268,7 @@ impl<'a> Stages<'a> {
             evaluations
                 .push(measure(&world, &name, &self.setup.choice_of_trainings(), self.watch)?.evaluation);
         }
+        // Without measurements all are equal, and the first is taken.
         let error = |number: usize| evaluations.get(number).map_or(f64::INFINITY, tracking_error);
         let best = (0..trained.len()).min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or_default();
         if evaluations.len() > 1 {
@@ -331,6 +338,7 @@ impl<'a> Stages<'a> {
     ) -> Result<Option<Evaluation>, Error> {
         self.pause()?;
         let file = format!("evaluations/{name}.json");
+        // A resumed run takes what it measured before.
         if let Some(text) = self.folder.read(&file)? {
             return serde_json::from_str(&text).map(Some).map_err(|error| {
                 let problem = format!(

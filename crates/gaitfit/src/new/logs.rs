@@ -103,14 +103,17 @@ impl Logs {
             FindingKind::RateMismatch,
             FindingKind::MissingJoint,
         ];
+        // Joints that the policy holds need not be in its logs.
         let held = |joint: &String| policy.is_some_and(|policy| !policy.interface.joints.contains(joint));
         findings.retain(|one| one.kind != FindingKind::MissingJoint || !one.joints.iter().all(held));
+        // Only what makes the numbers doubtful; the fit reports the rest.
         for finding in
             findings.iter().filter(|one| assumptions.contains(&one.kind) || one.severity == Severity::Error)
         {
             self.assumed.push(format!("{}: {finding}", file.display()));
         }
         let base = log.base.as_ref();
+        // What one log lacks, the fit cannot count on.
         self.imu &= base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some());
         self.gains &= log.gains.is_some();
         self.commands |= log.command.as_ref().is_some_and(|all| all.iter().any(|part| part.abs() > 0.0));

@@ -117,6 +117,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         settings.policy.as_deref().map(gaitfit_policy_files::read).transpose().map_err(Error::failed)?;
     let remembered = policy.as_ref().and_then(|policy| policy.provenance.robot_file.as_ref());
     let mut moved = None;
+    // Without --robot the robot of the policy's training is taken.
     if let (None, Some(recorded), Some(policy), Some(file)) =
         (&settings.robot, remembered, &policy, &settings.policy)
     {
@@ -126,6 +127,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         moved = note;
     }
     let built_in = settings.robot.as_deref().is_some_and(robot::is_built_in);
+    // A configuration for a policy needs no file of the built-in robot.
     if built_in && policy.is_some() {
         settings.robot = None;
     }
@@ -135,6 +137,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     // A fit of legs in the air names its robot's file.
     let file = built_in.then(|| out.with_file_name("go2.xml")).filter(|_| policy.is_none());
     if let Some(file) = &file {
+        // Never overwritten unless it already is that robot.
         if file.exists() && files::read_text(file, files::MAX_BYTES).ok().as_deref() != Some(builtin::GO2) {
             return Err(Error::settings(format!(
                 "{}: exists and is not the built-in Go2, which would be written there; give it as --robot, or another --out",
@@ -145,6 +148,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         settings.robot = Some(file.clone());
     }
     let settings = &settings;
+    // Legs in the air are fitted with the base held.
     let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
     let model = match &settings.robot {
         Some(path) => robot::read(path, settings.lenient, hold)?,
@@ -158,6 +162,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
             log.display()
         )));
     }
+    // A clamped robot would be fitted to steps on the ground.
     if policy.is_none() && logs.commands {
         return Err(Error::settings(
             "the logs have commands, so the robot walked; also give --policy, the policy that walked \
@@ -167,6 +172,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
     let groups = groups::by_name(&crate::robot::joint_names(&model));
     let inputs = Inputs { settings, out, model, policy, logs, gains, groups };
+    // Written before it is opened: a configuration with a problem is there to be mended.
     files::write(out, inputs.text().as_bytes())?;
     let mut written = inputs.checked();
     written.warnings.splice(0..0, moved);
@@ -216,6 +222,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
     if logs.gains {
         return Ok(None);
     }
+    // All joints or none: gains of some joints alone would leave the others limp.
     let servos: Option<Vec<[f64; 2]>> =
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
@@ -295,6 +302,7 @@ impl Inputs<'_> {
         if self.policy.is_none() {
             add("gains", self.gains.as_ref().map_or("stated by the logs".to_owned(), Gains::text));
         }
+        // What follows needs a fit that could be opened.
         let Some(setup) = setup else { return lines };
         if let (Some(policy), Some(notes)) = (&self.policy, &setup.notes) {
             let policy_match = &notes.policy_match;

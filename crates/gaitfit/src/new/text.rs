@@ -89,6 +89,7 @@ impl Inputs<'_> {
             line(text, "kd", &per_joint(&gains.kd), "N·m·s/rad");
         }
         self.write_groups(text, "groups");
+        // A robot without slides gets rules that name no joints.
         let kinds = [JointKind::Hinge, JointKind::Slide];
         let kinds: Vec<JointKind> = kinds
             .into_iter()

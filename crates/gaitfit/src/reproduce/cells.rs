@@ -76,6 +76,7 @@ impl Run<'_> {
             let mut shared: IndexMap<&str, Shared> = IndexMap::new();
             let suffix =
                 if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
+            // Logs and references first: all cells of a scenario share them.
             for experiment in &selected {
                 let scenario = experiment.scenario.as_str();
                 if shared.contains_key(scenario) {
@@ -110,6 +111,7 @@ impl Run<'_> {
                 watch.tell(Event::Stage(&headline(&result)));
                 Ok(result)
             };
+            // One after the other without threads, so that progress bars and lines appear as they come.
             let results = if self.jobs > 1 {
                 let names: Vec<&str> = selected.iter().map(|one| one.paper.name.as_str()).collect();
                 together(&names, self.jobs, self.watch, &one)?
@@ -163,6 +165,7 @@ impl Run<'_> {
         let mut stages = stages(&setup, &folder, self.watch)?;
         let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
         let logs = stages.collect(LOGS, &first, target.seed)?;
+        // These tables compare fitted numbers alone, so nothing is trained.
         if self.kind == Kind::Identification {
             return Ok(Shared { logs, first: None, reference: None, controls: Vec::new() });
         }
@@ -202,6 +205,7 @@ impl Run<'_> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
         setup.devices = device.into();
         let folder = self.open(&format!("{CELLS}/{}", experiment.paper.name), seed, &setup)?;
+        // A table that was interrupted goes on with the first cell that is missing.
         if let Some(text) = folder.read(SEED)? {
             watch.note("finished earlier");
             return serde_json::from_str(&text).map_err(|error| {
@@ -218,6 +222,7 @@ impl Run<'_> {
         let mut adapt =
             setup.config.adapt(1, first.safetensors.display().to_string(), vec![logs.display().to_string()]);
         adapt.runs = stages.path(round).display().to_string();
+        // The truth only rates the fit; the search does not see it.
         add_truth(&setup, &mut adapt);
         let (fitted, results, theta) = stages.adapt(round, &adapt)?;
         let mut result = SeedResult {
@@ -235,6 +240,7 @@ impl Run<'_> {
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);
             result.seconds += trained.wall_seconds;
         }
+        // Last: the file says that the cell is finished.
         folder.write_json(SEED, &result)?;
         Ok(result)
     }

@@ -42,6 +42,7 @@ pub fn read(
             Ok::<_, Error>(glob.compile_matcher())
         })
         .transpose()?;
+    // All cells are read, those that are not selected too: references are shared with them.
     let mut experiments = Vec::with_capacity(table.cells.len());
     for cell in &table.cells {
         let selected = matcher.as_ref().is_none_or(|matcher| matcher.is_match(&cell.name));

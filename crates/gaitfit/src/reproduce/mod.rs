@@ -104,6 +104,8 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
 /// A row for each reference of each scenario, then one for each cell that was run.
 fn rows(paper: &Paper, kind: Kind, experiments: &[Experiment], mut outcome: Outcome) -> Vec<Row> {
     let mut rows = Vec::new();
+    // The policy before any fit and the one trained with the truth stand first: they bound what a fit can
+    // give.
     if kind == Kind::Finetuning {
         for (scenario, first) in outcome.first {
             let none = PaperRow::default;

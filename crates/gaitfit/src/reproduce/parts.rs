@@ -83,6 +83,7 @@ pub fn plan(request: &Request) -> Result<Plan, Error> {
         parts.extend(selected().map(|one| part(PartKind::Cell, &one.paper.name, &one.scenario)));
     }
     let mut files = BTreeSet::new();
+    // A machine that makes one part needs the files of all cells, as it reads the whole table.
     for one in &opened.experiments {
         files.insert(one.file.clone());
         let setup = loop_::Setup::open(one.config.clone(), &one.file, request.threads)?;

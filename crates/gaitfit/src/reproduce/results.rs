@@ -187,6 +187,7 @@ impl Row {
         let over = |of: &dyn Fn(&SeedFit) -> Option<f64>| -> Vec<f64> {
             fits.iter().filter_map(|fit| of(fit)).collect()
         };
+        // All seeds fit the same parameters.
         let names = fits.first().map(|fit| fit.errors_percent.keys().cloned().collect::<Vec<_>>());
         let errors_percent = names
             .unwrap_or_default()
@@ -219,6 +220,7 @@ impl Row {
 /// The walk over seeds.
 fn walk(walks: &[Walk]) -> Option<Walk> {
     let over_seeds = |which: fn(&Walk) -> Estimate| match walks {
+        // A single seed keeps the interval over its trajectories; several have one over seeds.
         [one] => which(one),
         _ => of_few(&walks.iter().map(|walk| which(walk).mean).collect::<Vec<_>>()),
     };

@@ -131,6 +131,7 @@ fn read(folder: &Path) -> Run {
         linear_velocity_error: [None, None],
         summary: String::new(),
     };
+    // The manifest is written first, so it tells kind and time even of a run without a result.
     match json(&folder.join("manifest.json")) {
         Ok(manifest) => {
             run.begun = text(&manifest["begun"]).unwrap_or_default();
@@ -171,6 +172,7 @@ fn result_of(results: &Value, run: &mut Run) {
     run.done = true;
     run.robot = text(&results["robot"]);
     run.wall_seconds = results["wall_seconds"].as_f64();
+    // Results say by their fields what they are. A loop's hold a fit's, so the loop is asked for first.
     if let Some(rounds) = results["rounds"].as_array() {
         run.kind = Kind::Loop;
         if let Some(round) = rounds.last() {
@@ -245,6 +247,7 @@ fn fitted(results: &Value, run: &mut Run) {
 /// Errors of a loop's policies where they were measured: on the target, or else in the fitted simulator.
 fn walked(results: &Value, run: &mut Run) {
     let evaluations: Vec<&Value> = results["evaluations"].as_array().into_iter().flatten().collect();
+    // The robot itself counts more than any simulator.
     let place = match evaluations.iter().any(|one| one["on"] == "target") {
         true => Some("target"),
         false => evaluations.last().and_then(|one| one["on"].as_str()),

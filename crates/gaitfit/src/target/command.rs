@@ -38,6 +38,7 @@ impl Command {
             (evaluate, "evaluate", &EVALUATE[..]),
         ] {
             for word in words {
+                // A misspelt place would reach the program as it is written.
                 if let Some(unknown) = places(word).find(|place| !known.contains(place)) {
                     return Err(format!(
                         "`target.{name}` has {{{unknown}}}; there are {{{}}}",
@@ -100,6 +101,7 @@ impl Command {
             ],
         );
         run(&words, "target.collect", self.timeout_seconds, watch)?;
+        // The program is foreign: what it left is looked at before anything is read.
         let wrong = |problem: String| program_error("target.collect", &words, problem);
         check_recorded(folder).map_err(wrong)?;
         if csv_files(folder)?.is_empty() {
@@ -142,9 +144,11 @@ impl Command {
             );
             program_error("target.evaluate", &words, problem)
         })?;
+        // The document may be any program's, so numbers that cannot be are refused.
         if let Some(wrong) = evaluation.wrong() {
             return Err(program_error("target.evaluate", &words, format!("{wrong}, which cannot be")));
         }
+        // The program knows the policy by its file; the loop compares names.
         evaluation.policy = policy.name.clone();
         Ok(Some(evaluation))
     }
@@ -219,6 +223,7 @@ fn run(
         }
         Err(error) => return Err(failed(error.to_string())),
     };
+    // A program that was asked to stop may have ended by itself just then.
     if watch.stop() {
         return Err(interrupted(setting));
     }

@@ -65,6 +65,7 @@ kill -KILL $group 2>/dev/null";
 
         fn start_in(command: &mut Command, alone: bool) -> std::io::Result<Self> {
             let null = Stdio::null;
+            // Started before the program: once that runs, the guard lacks nothing but its number.
             let mut guard = Command::new("sh");
             // In a group of its own too: a Ctrl-C at the terminal must not end the guard before the program.
             guard.args(["-c", GUARD]).stdin(Stdio::piped()).stdout(null()).stderr(null()).process_group(0);
@@ -73,11 +74,13 @@ kill -KILL $group 2>/dev/null";
                 Ok(child) => {
                     let id = Pid::from_child(&child);
                     let mut group = Self { child, id, alone, guard, ended: None };
+                    // `kill` takes a group's number with a minus.
                     let sign = if alone { "" } else { "-" };
                     group.tell(&format!("{sign}{}\n", id.as_raw_nonzero()))?;
                     Ok(group)
                 }
                 Err(error) => {
+                    // Its input ends without a line, so the guard leaves without ending anything.
                     drop(guard.stdin.take());
                     guard.wait()?;
                     Err(error)
@@ -112,6 +115,7 @@ kill -KILL $group 2>/dev/null";
                     false => test_kill_process_group(group.id).is_ok(),
                 }
             };
+            // Errors are let go: the process may have ended in this moment.
             let signal = |group: &Self, signal: Signal| match group.alone {
                 true => kill_process(group.id, signal),
                 false => kill_process_group(group.id, signal),
@@ -127,6 +131,7 @@ kill -KILL $group 2>/dev/null";
                 }
                 std::thread::sleep(LOOK);
             }
+            // Waited for, or it would stay as a zombie.
             if self.ended.is_none() {
                 self.ended = self.child.wait().ok();
             }

@@ -109,11 +109,13 @@ impl Program<'_> {
         }
         let mut said = Said { receiver, out: Vec::new(), last: VecDeque::new(), heard: self.heard, watch };
         let status = self.wait(&mut group, &mut said)?;
+        // What the program printed last may still be in its pipes.
         let ended = Instant::now();
         while ended.elapsed() < GRACE && said.listen(LOOK) {}
         // While it ends, its pipes are read: a program that cannot print does not end.
         group.end(PATIENCE, || said.take());
         while said.listen(Duration::ZERO) && ended.elapsed() < GRACE + PATIENCE {}
+        // Again: the last pieces came after the loop that waits.
         if said.out.len() > MAX_BYTES {
             return Err(ProcessError::TooMuch);
         }
@@ -153,6 +155,7 @@ impl Program<'_> {
             if said.watch.stop() {
                 break ProcessError::Interrupted;
             }
+            // Before the limits: a program that is done just in time counts as done.
             if let Some(status) = group.ended().map_err(ProcessError::Wait)? {
                 return Ok(status);
             }
@@ -164,6 +167,7 @@ impl Program<'_> {
             }
         };
         group.end(PATIENCE, || said.take());
+        // The last lines are known only now, after the program has ended.
         Err(match why {
             ProcessError::Timeout { seconds, .. } => ProcessError::Timeout { seconds, said: said.last() },
             why => why,

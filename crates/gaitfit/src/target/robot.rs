@@ -97,6 +97,7 @@ impl Robot {
                 watch.note(&format!("{before} of {} walks are made already", self.trajectories));
             }
             let ended = self.walk(policy, seed, before, &next(&sessions)?, watch);
+            // Counted anew whatever the outcome: a session that ended in an error may have made walks.
             made = self::made(&sessions)?;
             if made.len() < self.trajectories {
                 let error = ended
@@ -117,6 +118,7 @@ impl Robot {
             }
         }
         write_whole(into, |folder| {
+            // Names of equal length, so that the order of names is that of the walks.
             let digits = self.trajectories.saturating_sub(1).to_string().len().max(2);
             for (number, log) in made.iter().take(self.trajectories).enumerate() {
                 let to = folder.join(format!("trajectory_{number:0digits$}.csv"));
@@ -141,6 +143,7 @@ impl Robot {
         words.extend(self.link.iter().cloned());
         words.extend(named("--trajectories", (self.trajectories - made).to_string()));
         words.extend(named("--seconds", self.seconds.to_string()));
+        // A later session draws other commands than those that are walked already.
         words.extend(named("--seed", seed.wrapping_add(made as u64).to_string()));
         words.extend(named("--out", out.display().to_string()));
         // A person may take any time to type the word.

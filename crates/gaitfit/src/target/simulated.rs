@@ -49,6 +49,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
         }
         None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
     };
+    // The target's own numbers come on top of the file's, in the form in which a fit writes its results.
     let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rules = Rules {
         parameter: config
@@ -78,6 +79,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
     }
     file.robot = model.name.clone();
     (file.cost_name, file.cost) = (String::new(), None);
+    // Tried on the robot now, so that a value without a meaning is refused before any walk.
     file.candidate(model).map_err(|error| wrong(&error))?;
     Ok((file, doubts))
 }

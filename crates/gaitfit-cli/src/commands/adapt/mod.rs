@@ -28,6 +28,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         let mut setup =
             Opening::new(&config, &args.config).threads(threads).devices(&devices).watch(watch).open()?;
         output::devices(&setup.devices);
+        // Only now: a fit that cannot be opened leaves no folder behind.
         let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;
         let results = adapt::fit(&mut setup, &folder, watch)?;
@@ -39,6 +40,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
                 output::next(&next(&results, args, &config))?;
             }
         }
+        // The page opens before the exit code is decided: it shows why a check failed.
         viewer::report(args.run.open, &results.run_folder);
         checked(results.failed_check().or_else(|| results.contradiction()).or_else(|| results.refusal()))
     })

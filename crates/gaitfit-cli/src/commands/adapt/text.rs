@@ -27,6 +27,7 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
         results.seconds,
         results.wall_seconds
     );
+    // Doubts of the whole result are those of the first cost, which decides.
     for (number, fit) in results.fits.iter().enumerate() {
         let doubts = if number == 0 { &results.doubts } else { &fit.doubts };
         let _ = writeln!(text, "\n{}\n\n{}", headline(fit, doubts), parameters(fit));
@@ -44,6 +45,7 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "\nnot fitted: {}", held.sentence());
     }
+    // The first cost is compared with each further one.
     for other in results.fits.iter().filter(|fit| !fit.comparison.is_empty()) {
         let _ = writeln!(text, "\n{}", comparison(&results.cost_name, other));
         for reason in other.comparison.iter().filter_map(|one| one.reason.as_deref()) {
@@ -97,6 +99,7 @@ fn half(half: Option<f64>) -> String {
 }
 
 fn parameters(fit: &CostFit) -> Table {
+    // Columns that no parameter fills are left out.
     let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
     let corrected = fit.correction.is_some() || fit.regression.as_ref().is_some_and(|one| one.taken);
@@ -128,6 +131,7 @@ fn parameters(fit: &CostFit) -> Table {
         ];
         if known {
             row.push(parameter.truth.map_or_else(String::new, |truth| format!("{truth:.4}")));
+            // A truth of 0 has no relative error.
             let error = parameter.truth.filter(|truth| *truth != 0.0);
             let error = error.map(|truth| 100.0 * (estimate.value / truth - 1.0));
             row.push(error.map_or_else(String::new, |error| format!("{error:+.2} %")));

@@ -57,6 +57,7 @@ pub fn run(args: &cli::BenchPhysics, model: &Model, geoms: Geoms, ordinal: usize
         emit,
         repetitions: REPETITIONS,
     };
+    // A missing GPU or driver has an exit code of its own, so it is told apart.
     let speed = bench::physics(&device, model, &what).map_err(|error| match error {
         BenchError::Device(DeviceError::Cuda(error)) => cuda(error),
         error => Failure::failed(error),

@@ -43,6 +43,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         steps: args.steps.unwrap_or(config.train.steps),
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
+    // The numbers of the command line were not checked with the file's.
     config.train.check().map_err(Failure::usage)?;
     let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
     let setup = train::setup(&config, "bench", args.config.as_deref(), threads, &args.device)?;

@@ -42,6 +42,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     let named = [(&args.report, "--report"), (&args.replay, "--replay")];
     let output =
         |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
+    // All names are checked first: a measurement takes long, and its page must not fail at the end.
     let outputs: Vec<Output<'_>> = named.into_iter().filter_map(output).collect();
     let ground_file = Some(Path::new(&args.terrain)).filter(|_| args.terrain.ends_with(".toml"));
     files::check(&outputs, args.world.files().chain(ground_file))?;
@@ -105,6 +106,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     if let Some(path) = args.report.as_ref().or(args.replay.as_ref()) {
         viewer::show(args.open, path);
     }
+    // Last: the numbers and pages are there, and the exit code tells scripts not to trust them.
     match evaluation.divergence() {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
         None => Ok(()),

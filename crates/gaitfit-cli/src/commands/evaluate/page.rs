@@ -56,6 +56,7 @@ pub fn page(
     };
     let setting = |name: &str, value: String| Setting { name: name.to_owned(), value };
     let diverged = document.divergence().map(|text| Doubt::new(DoubtKind::Diverged, text));
+    // A verdict against the policy is shown as a doubt, one for it as a sentence.
     let stands = verdict.filter(|one| !one.walks);
     let stands = stands.map(|one| Doubt::new(DoubtKind::NoWalk, one.text.clone()));
     let report = EvaluationReport {

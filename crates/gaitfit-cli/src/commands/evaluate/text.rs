@@ -47,6 +47,7 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
         true => text.clone(),
         false => format!("{}: {text}", DoubtKind::NoWalk.headline().to_uppercase()),
     });
+    // What must not be overlooked comes before the tables.
     let mut out: String = diverged.into_iter().chain(verdict).map(|line| format!("{line}\n\n")).collect();
     let _ = write!(
         out,

@@ -65,6 +65,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
 /// Refuses options of another kind of file.
 fn allowed(args: &Export, kind: Kind) -> Result<(), Failure> {
     use Kind::{Log, Policy, Theta};
+    // One table of all options, so that a new option must say which kinds of file it is for.
     let given: [(&str, bool, &[Kind]); 11] = [
         ("--onnx", args.onnx.is_some(), &[Policy]),
         ("--safetensors", args.safetensors.is_some(), &[Policy]),

@@ -43,9 +43,11 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     let PolicyFile { path, note } = policy_file::find(&args.file)?;
     note.iter().for_each(|note| output::note(note));
     let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
+    // A policy may be several files; none of them may be overwritten.
     let read = gaitfit_policy_files::files_of(&path).map_err(Failure::failed)?;
     let model = if deployed { model(args, &path, &policy)? } else { None };
     let (files, unsaid) = made(args, &policy, model.as_ref())?;
+    // Files with an ending were named one by one and may be replaced; those of a folder were not.
     if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {
         return Err(Failure::usage(format!(
             "{} exists already; give another {}, or --force to overwrite it",
@@ -53,6 +55,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
             file.option
         )));
     }
+    // Folders first: the check of the outputs looks whether their folders are there.
     for file in files.iter().filter(|file| file.ending.is_none()) {
         let folder = file.path.parent().unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder)
@@ -114,6 +117,7 @@ fn made(args: &Export, policy: &Policy, model: Option<&Model>) -> Result<(Vec<Fi
 /// The robot whose effort limits are written: the one named, that of the policy's training, or the built-in Go2 for a
 /// policy that names it.
 fn model(args: &Export, path: &Path, policy: &Policy) -> Result<Option<Model>, Failure> {
+    // From the surest to the least sure: named, recorded at the training, built in.
     let recorded = policy.provenance.robot_file.as_ref();
     if let Some(robot) = &args.robot {
         let lenient =
@@ -131,6 +135,7 @@ fn model(args: &Export, path: &Path, policy: &Policy) -> Result<Option<Model>, F
         ));
     }
     let go2 = builtin::go2().map_err(Failure::failed)?;
+    // The name alone is no proof: another robot of this name would get the Go2's effort limits.
     let interface = &policy.interface;
     let built_in = interface.robot == go2.name
         && interface.resolve(&go2).and_then(|joints| interface.resolve_held(&go2, &joints)).is_ok();

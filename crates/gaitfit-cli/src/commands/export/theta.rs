@@ -34,6 +34,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
         policy: args.policy.clone(),
         step: args.step,
     };
+    // Everything is made before anything is written.
     let exported = gaitfit::export_theta(&settings)?;
     let paths: Vec<PathBuf> = exported.files.iter().map(|(name, _)| out.join(name)).collect();
     let outputs: Vec<Output<'_>> =

@@ -23,12 +23,14 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
     let [qpos, qvel, ctrl] = &states[..] else {
         return Err(Failure::failed("the input does not hold three arrays"));
     };
+    // Before memory is taken: mass matrices grow with the square of the joints.
     bounded(&model, rows, args)?;
     let settings = Settings::new(&model.options, args.preset.into());
     let mut forward = Forward::new(&model, &settings)
         .map_err(|error| Failure::failed(format!("{}: {error}", args.model.display())))?;
     let out = evaluate(&model, &mut forward, rows, qpos, qvel, ctrl)
         .map_err(|(row, error)| Failure::failed(format!("{}: row {row}: {error}", args.states.display())))?;
+    // Inputs were finite, so a number that is not has overflowed on the way.
     for (name, array) in &out {
         if let Some(bad) = array.values.iter().position(|value| !value.is_finite()) {
             let width = array.values.len() / rows.max(1);

@@ -47,6 +47,7 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| {
         Failure::failed(format!("{shown}: no .npz archive ({error}); write it with numpy.savez"))
     })?;
+    // Names are listed before an array is borrowed from the archive; a message may need them.
     let stored: Vec<String> =
         archive.file_names().flatten().map(|name| name.trim_end_matches(".npy").to_owned()).collect();
     let mut arrays = Vec::with_capacity(names.len());

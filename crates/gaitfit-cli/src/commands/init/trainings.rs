@@ -86,6 +86,7 @@ pub(super) fn train_guesses(
     let others = other_guesses(&prepared.model, &prepared.look);
     let looks: Vec<&Look> = std::iter::once(&prepared.look).chain(&others).collect();
     let mut trainings: Vec<Training> = Vec::new();
+    // Every guess gets one round before any gets more.
     for (number, look) in looks.iter().enumerate() {
         output::note(&format!("guess {} of {}: {}", number + 1, looks.len(), gains(look)));
         let training = train_one(args, files, look, number + 1, None)?;
@@ -136,6 +137,7 @@ fn train_one(
 ) -> Result<Training, Failure> {
     let begun = Instant::now();
     let threads = args.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get);
+    // A training reads the file as `gaitfit train` would, so that both agree.
     write_configuration(args, files, look)?;
     let mut config: TrainConfig = settings::load(Some(&files.configuration), &args.set)?;
     let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
@@ -150,6 +152,7 @@ fn train_one(
         watched(crate::commands::train::LINES, |watch| train::train(&setup, further.is_some(), watch))?;
     let seed = results.seeds.first();
     let policy = seed.map(|seed| seed.policy.clone());
+    // What the training itself shows as not learnt need not be evaluated.
     let Judged { walks, shortfall, result } = match (results.unlearnt(), &policy) {
         (None, Some(policy)) => judge(policy, &config, threads)?,
         (failed, _) => Judged { walks: false, shortfall: None, result: failed.unwrap_or_default() },

@@ -45,6 +45,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         output::print(&text(&summary))?;
         swings::print(swings.as_ref())?
     };
+    // Counted after printing: the table names the logs, and the exit code follows.
     let bad = summary
         .logs
         .iter()

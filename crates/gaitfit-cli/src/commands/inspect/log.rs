@@ -48,6 +48,7 @@ pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) ->
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
+    // The picture's name is checked before the log is read.
     args.plot.as_deref().map(plot::check).transpose()?;
     let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: None });
     files::check(
@@ -77,6 +78,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         if let Some(comparison) = &policy {
             output::print(&policy_text(comparison))?;
         }
+        // A log with errors has no next step but its repair.
         if !other && findings.iter().all(|finding| finding.severity != Severity::Error) {
             output::next(&[next(args, &log)])?;
         }

@@ -39,6 +39,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         return Err(Failure::usage("--policy is for one log (.csv)"));
     }
     let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    // Told apart by name and not by content, so that a message can say what the name promises.
     match ending.as_deref() {
         // A xacro file is refused by what reads robots, with the command that expands it.
         Some("xml" | "mjcf" | "urdf" | "xacro") => {

@@ -49,6 +49,7 @@ fn picture(log: &Trajectory, findings: &[Finding], model: Option<&Model>) -> Log
         position: log.column_at(Signal::Position, number).unwrap_or_default(),
         target: log.column_at(Signal::Target, number).unwrap_or_default(),
     };
+    // Notes are no faults, so they do not colour the picture.
     let mark = |finding: &Finding| {
         let span = finding.span.filter(|_| finding.severity > Severity::Note)?;
         Some(LogMark {

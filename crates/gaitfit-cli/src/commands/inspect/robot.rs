@@ -49,6 +49,7 @@ fn text(summary: &Summary) -> String {
             body.inertia.map(|value| format!("{value:.3e}")).join(" "),
         ]);
     }
+    // Hinges and slides have other units, so each kind has a table.
     let [hinges, slides] = [JointKind::Hinge, JointKind::Slide].map(|kind| joints(summary, kind));
     let slides_at = |name: &String| {
         summary.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Slide)

@@ -37,11 +37,13 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     let threads = args.run.threads();
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     output::devices(&devices);
+    // The link is checked now, before anything is computed.
     if let Some(target) = config.target.as_mut().filter(|target| target.kind == TargetKind::Robot) {
         target.robot = robot_of(&target.robot, &args.config)?;
         check_link(&target.interface, target.domain)
             .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
     }
+    // The loop starts this program again to walk the robot.
     let program = crate::SELF.get().cloned();
     let opened = Setup::open(config, &args.config, threads)?;
     let setup = Setup { devices, program: program.unwrap_or_else(|| opened.program.clone()), ..opened };

@@ -189,6 +189,7 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
             .filter_map(|policy| Some((policy, results.measured(policy, on)?)))
             .filter(|(_, evaluation)| !evaluation.drift.is_empty())
             .collect();
+    // The first policy's commands are the rows; all policies were measured under the same ones.
     let (_, first) = columns.first()?;
     let mut header = vec!["command"];
     header.extend(columns.iter().map(|(policy, _)| *policy));

@@ -53,6 +53,7 @@ pub fn write(
         }
     }
     let has_log = document.written.iter().any(|name| name == MOTION);
+    // Made before the lines below change the list of written files.
     let fit = fit(args, robot, document, has_log);
     let mut put = |name: &str, text: &str| -> Result<(), Failure> {
         gaitfit::files::write(&args.out.join(name), text.as_bytes())?;
@@ -64,6 +65,7 @@ pub fn write(
         put(GO2, gaitfit_model::builtin::GO2)?;
     }
     put(FIT, &fit)?;
+    // Listed before it is written, so that the result names itself too.
     document.written.push(RESULT.to_owned());
     let text = serde_json::to_vec_pretty(document)
         .map_err(|error| Failure::failed(format!("cannot write the result: {error}")))?;
@@ -135,6 +137,7 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
         None => robot.motors.iter().map(|motor| motor.joint.clone()).collect(),
     };
     for name in names {
+        // Groups are named by the ends of their joints' names.
         let of_group = |one: &&JointMotion| one.joint == name || one.joint.ends_with(&format!("_{name}"));
         let kinds: [(&str, Number); 2] =
             [("frictionloss", |one| one.friction), ("armature", |one| one.armature)];
@@ -145,6 +148,7 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
             }
             let count = estimates.len() as f64;
             let mean = estimates.iter().map(|one| one.value).sum::<f64>() / count;
+            // The spread of the joints and the error of each: a group's number must allow for both.
             let scatter =
                 estimates.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>()
                     / count;

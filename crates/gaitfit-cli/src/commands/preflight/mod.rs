@@ -67,6 +67,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
     let model = description(args, &robot)?;
     let simulator = is_simulator(args);
     super::folder(&args.out, "the result goes")?;
+    // Taken before the look for an earlier result, which another process may be writing.
     let _owned = Owned::for_logs(&args.out)?;
     if args.out.join(files::RESULT).exists() {
         return Err(Failure::usage(format!(
@@ -95,6 +96,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
         }
         findings.extend(more);
     }
+    // The link for listening must be closed: moving opens one that sends.
     drop(link);
     let mut flown = None;
     if args.moves {
@@ -120,6 +122,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
         written: Vec::new(),
     };
     let flight = flown.as_ref().zip(rows.as_ref());
+    // Saved before anything is printed or the exit code is set: the logs of a robot are precious.
     files::write(args, &robot, &heard, flight, &mut document)?;
     match args.json {
         true => output::print_json(&document)?,
@@ -155,6 +158,7 @@ fn check(args: &Preflight) -> Result<(), Failure> {
             args.seconds, SECONDS[0], SECONDS[1]
         )));
     }
+    // Domain 0 is that of real robots.
     if (args.yes || args.patience != PATIENCE) && !is_simulator(args) {
         return Err(Failure::usage(
             "--yes, --patience: for simulators only, which are in another domain than 0 (--domain)",
@@ -273,6 +277,7 @@ fn motion(
         return Ok(None);
     }
     let Some(last) = heard.last() else { return Ok(None) };
+    // From where the joints are now, so that the first target is no jump.
     let plan = Plan::new(robot, last.state.q);
     #[cfg(feature = "dds")]
     if let Some(interface) = &args.interface

@@ -35,6 +35,7 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
     interrupt::listen()?;
     let (results, folder) = watched(Lines::Seconds(5), |watch| reproduce::run(&request, watch))?;
     let shown = text::text(&results);
+    // Beside the runs, so that a table can be read again without computing it.
     folder.write("table.txt", shown.as_bytes())?;
     output::note("");
     if args.json {

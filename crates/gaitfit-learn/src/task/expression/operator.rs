@@ -98,7 +98,7 @@ pub enum Two {
     Unequal,
     /// Neither is 0.
     And,
-    /// Not both are 0.
+    /// At least one is not 0.
     Or,
 }
 
@@ -189,6 +189,8 @@ impl FoldKind {
         let count = (row.len() / lanes) as f32;
         let (first, rest) = row.split_at(lanes.min(row.len()));
         let rest = rest.chunks_exact(lanes);
+        // The result starts as the first element and takes in one further element a pass: each pass runs over
+        // all robots at once.
         match self {
             // An empty row has no smallest number, and a sum of 0.
             Self::Min | Self::Max if first.is_empty() => to.fill(f32::NAN),

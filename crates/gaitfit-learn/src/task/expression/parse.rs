@@ -242,6 +242,7 @@ impl Parser<'_> {
         if !self.take("^") {
             return Ok(base);
         }
+        // Right-associative: x^y^z is x^(y^z), and an exponent may have a sign.
         let exponent = self.deeper(Self::signed)?;
         if exponent.node == Node::Number(2.0) {
             // A product is exact where a power is not.
@@ -264,6 +265,7 @@ impl Parser<'_> {
             }
             Token::Word(word) if !matches!(word.as_str(), "and" | "or" | "not") => {
                 self.next += 1;
+                // A name that is both would be the quantity.
                 match Quantity::ALL.iter().find(|quantity| quantity.name() == word) {
                     Some(quantity) => self.quantity(at, *quantity),
                     None => self.function(at, &word),
@@ -277,6 +279,7 @@ impl Parser<'_> {
     fn quantity(&mut self, at: usize, quantity: Quantity) -> Read<Part> {
         let names = quantity.elements().names(self.names);
         let mut places = quantity.places(self.names);
+        // A robot may have no such elements at all, for example no feet.
         if quantity.elements() != Elements::None && places.is_empty() {
             let problem = Problem::NoElement {
                 pattern: "*".to_owned(),
@@ -291,6 +294,8 @@ impl Parser<'_> {
                 return self.wrong(bracket, Problem::NoRow(quantity.name()));
             }
             let mut picked = vec![false; names.len()];
+            // Patterns only mark elements, so the order of patterns does not matter and no element counts
+            // twice.
             loop {
                 let at = self.at();
                 let Token::Text(pattern) = self.token().clone() else {
@@ -329,6 +334,7 @@ impl Parser<'_> {
             arguments.push(argument);
         }
         self.expect(")")?;
+        // `min` and `max` fold a row if they have one argument, and compare two; the count decides.
         let found = arguments.len();
         let mut rest = arguments.into_iter();
         match (function, rest.next(), rest.next(), rest.next(), rest.next()) {
@@ -337,6 +343,7 @@ impl Parser<'_> {
             (Function::Fold(FoldKind::Min), Some(a), Some(b), None, _) => self.two(at, Two::Min, a, b),
             (Function::Fold(FoldKind::Max), Some(a), Some(b), None, _) => self.two(at, Two::Max, a, b),
             (Function::Clamp, Some(x), Some(low), Some(high), None) => {
+                // Bounds the wrong way round would give a constant without a word.
                 if let (Some(min), Some(max)) = (low.node.constant(), high.node.constant())
                     && min > max
                 {

@@ -64,7 +64,7 @@ impl<R: Copy> Work<R> {
 #[derive(Debug, Default)]
 pub(in crate::task) struct Program {
     steps: Vec<(Work<Row>, Row)>,
-    /// Where the value of each expression is at the end.
+    /// Place of each expression's value at the end.
     values: Vec<usize>,
     /// Numbers of each row of the scratch.
     sizes: Vec<usize>,
@@ -110,6 +110,7 @@ fn step(work: &Work<Row>, moments: &[Moment<'_>], scratch: &Scratch, to: &mut [f
             elements(to).zip(places).for_each(|((_, to), &place)| quantity.load(moments, place, to));
         }
         Work::One(operator, row) => operator.apply(&scratch[row.at], to),
+        // Rows of the same width are one loop over all their numbers.
         Work::Two(operator, [a, b]) if a.width == b.width => {
             operator.apply(&scratch[a.at], &scratch[b.at], to);
         }
@@ -189,6 +190,7 @@ impl List {
 
     /// Gives every row a place in the scratch; the place of a row that nobody reads any more is given again.
     fn placed(self, values: &[usize]) -> Program {
+        // The last step that reads each row; a row that nobody reads ends with its own step.
         let mut last: Vec<usize> = (0..self.steps.len()).collect();
         for (number, (work, _)) in self.steps.iter().enumerate() {
             work.sources().iter().for_each(|&row| last[row] = number);
@@ -196,6 +198,7 @@ impl List {
         // Rows that are results are read after the last step, so their places are never free.
         values.iter().for_each(|&row| last[row] = usize::MAX);
         let mut rows: Vec<Row> = Vec::with_capacity(self.steps.len());
+        // Places of each width that are free again.
         let mut free: HashMap<usize, Vec<usize>> = HashMap::new();
         let (mut sizes, mut steps) = (Vec::new(), Vec::with_capacity(self.steps.len()));
         for (number, (work, width)) in self.steps.iter().enumerate() {

@@ -44,6 +44,7 @@ pub(super) fn wrong<T>(text: &str, at: usize, problem: Problem) -> Result<T, Exp
 
 /// The tokens of a text with the byte at which each begins; the last is its end.
 pub(super) fn tokens(text: &str) -> Result<Vec<(usize, Token)>, ExpressionError> {
+    // The message shows only the beginning of a text that is too long.
     if text.len() > MAX_BYTES {
         let what = format!("{} bytes, more than {MAX_BYTES}", text.len());
         let short: String = text.chars().take(60).collect();
@@ -68,6 +69,7 @@ pub(super) fn tokens(text: &str) -> Result<Vec<(usize, Token)>, ExpressionError>
                 return wrong(text, text.len(), Problem::Expected { found, wanted });
             };
             (length + 2, Token::Text(rest[1..=length].to_owned()))
+        // Longer signs stand before their beginnings in the list, as `<=` before `<`.
         } else if let Some(sign) = SIGNS.iter().find(|sign| rest.starts_with(**sign)) {
             (sign.len(), Token::Sign(sign))
         } else {

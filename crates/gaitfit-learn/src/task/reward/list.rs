@@ -40,6 +40,7 @@ pub(in crate::task) fn listed(
     for (name, &weight) in &settings.rewards {
         let built_in = TERMS.iter().find(|term| term.name == name);
         let built_in = built_in.map(|term| read(name, term.text, &names)).transpose()?;
+        // Taken out of the list: what is left at the end has no weight.
         let written = expressions.iter().position(|(other, _)| *other == name);
         let written = written.map(|place| expressions.swap_remove(place).1);
         let Some(expression) = built_in.or(written) else {
@@ -56,6 +57,7 @@ pub(in crate::task) fn listed(
             return refuse("rewards", format!("gives `{name}` the weight {weight}"));
         }
         if weight != 0.0 {
+            // Weights are per second, as in legged_gym, so another control period keeps their meaning.
             let weight = (weight * walker.interface.control_dt) as f32;
             terms.push(WeightedTerm { name: name.clone(), weight, value: Value::Expression(expression) });
         }

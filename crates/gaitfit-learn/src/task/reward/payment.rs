@@ -58,8 +58,11 @@ impl Rewards {
     ) {
         self.program.run(moments, &mut scratch.rows, &mut scratch.values);
         let mut values = scratch.values.chunks_exact(self.numbers.len().max(1));
+        // A task without terms has rows of no width, which chunks refuse.
         let rows = paid.chunks_exact_mut(self.terms.len().max(1));
         for ((moment, &whole), row) in moments.iter().zip(whole).zip(rows) {
+            // Expressions were computed for all robots together; functions of the user are called robot by
+            // robot.
             for (&number, value) in self.numbers.iter().zip(values.next().unwrap_or_default()) {
                 row[number] = self.terms[number].weight * value;
             }

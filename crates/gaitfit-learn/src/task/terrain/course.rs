@@ -123,7 +123,7 @@ impl Course {
         f64::from(x).abs() > self.inside[0] || f64::from(y).abs() > self.inside[1]
     }
 
-    /// Where on `cell` an episode of `environment` starts that begins at `step`: x and y, m.
+    /// Place on `cell` at which an episode of `environment` starts that begins at `step`: x and y, m.
     pub(in crate::task) fn place(&self, cell: Cell, seed: u64, environment: u32, step: u32) -> [f64; 2] {
         let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
         let room = self.room();
@@ -153,6 +153,7 @@ impl Course {
         }
         let cell = Cell { level: way.level, column: self.column(environment) };
         let [x, y] = self.middle(cell);
+        // Measured from the middle of the cell, near which all episodes start.
         let far = (f64::from(end[0]) - x).hypot(f64::from(end[1]) - y);
         // Thresholds of legged_gym's `_update_terrain_curriculum`: half a cell up, half of the commanded way
         // down.
@@ -165,6 +166,7 @@ impl Course {
                 any(self.settings.levels, seed, environment, step)
             };
         }
+        // A robot on the lowest level stays there.
         if fell || way.walked < 0.5 * way.commanded { way.level.saturating_sub(1) } else { way.level }
     }
 }

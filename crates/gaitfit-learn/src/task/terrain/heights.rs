@@ -21,6 +21,7 @@ pub(super) fn field(settings: &TerrainSettings, course: &Course) -> HeightField 
     let mut heights = vec![0.0; rows * columns];
     for level in 0..settings.levels {
         for column in 0..settings.columns {
+            // The border keeps the array's 0, the height at which slopes and stairs end.
             let shape = Shape::new(settings, course, Cell { level, column });
             // A cell's last vertices are the first of the next one.
             for j in 0..across {
@@ -31,6 +32,7 @@ pub(super) fn field(settings: &TerrainSettings, course: &Course) -> HeightField 
             }
         }
     }
+    // n vertices span n − 1 distances.
     let half = |vertices: usize| 0.5 * (vertices - 1) as f64 * settings.cell;
     HeightField { rows, columns, half_size: [half(columns), half(rows)], heights }
 }

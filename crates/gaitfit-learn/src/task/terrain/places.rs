@@ -46,7 +46,7 @@ impl Environment<'_> {
         }
     }
 
-    /// Where an episode of environment `index` starts that begins at `step`: x and y, m.
+    /// Place at which an episode of environment `index` starts that begins at `step`: x and y, m.
     pub(in crate::task) fn start_place(&self, index: usize, step: u32) -> [f64; 2] {
         match (&self.task.course, self.cell(index)) {
             (Some(course), Some(cell)) => course.place(cell, self.seed, self.first + index as u32, step),

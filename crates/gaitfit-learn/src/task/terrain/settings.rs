@@ -140,6 +140,7 @@ impl TerrainSettings {
         if !shares.iter().any(|(_, share)| *share > 0.0) {
             return refuse("terrain.kind", "has no share above 0; name a kind".to_owned());
         }
+        // In `f64`, so that a huge product is refused and does not wrap.
         let along = |cells: usize| (cells * self.across() + 2 * self.rim() + 1) as f64;
         let vertices = along(self.levels) * along(self.columns);
         if vertices > MAX_VERTICES {
