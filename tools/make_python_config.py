@@ -95,7 +95,7 @@ ENUMS = {
     "CovarianceKind": CRATES / "gaitfit-adapt" / "src" / "cmaes" / "settings.rs",
     "BoundHandling": CRATES / "gaitfit-adapt" / "src" / "cmaes" / "settings.rs",
     "Sharing": THETA / "sharing.rs",
-    "NetworkName": THETA / "networks.rs",
+    "NetworkName": THETA / "network_kind.rs",
     "NetworkStart": THETA / "networks.rs",
     "RobotNumber": THETA / "robot_numbers.rs",
     "FindingKind": CRATES / "gaitfit-log" / "src" / "check.rs",

@@ -145,13 +145,13 @@ class Network(Settings):
     """A rule: networks (6 inputs, hidden 8 and 4, tanh, one output) of the joints it covers.
 
     Attributes:
-        kind: What they correct. One of ``action_delta``, ``resid_act``.
+        kind: The quantity that the networks correct. One of ``action_delta``, ``resid_act``.
         per: How many joints share weights. A network sees its own joint alone either way. One of ``group``, ``joint``,
             ``all``.
         joints: Patterns over joint names, with or without a final ``_joint``; a joint is covered when any matches.
         lower: Lower bound of every weight that is searched.
         upper: Upper bound of every weight that is searched.
-        start: Where the search begins. One of ``zero``, ``random``, ``features``.
+        start: Start of the search. One of ``zero``, ``random``, ``features``.
         deviation: First standard deviation of every weight that is searched.
         position_scale: Factor on the joint's angle less its rest angle, 1/rad.
         velocity_scale: Factor on the joint's velocity, s/rad.
