@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use gaitfit_policy::Quantity;
-use gaitfit_policy::network::Activation;
+use gaitfit_policy::network::{Activation, SELU};
 use gaitfit_policy::observation::Layout;
 
 use crate::spots::Spot;
@@ -54,10 +54,24 @@ impl Words {
     }
 }
 
-/// Words for the activation, for a message, if the kernels do not know it.
-pub(crate) fn unknown(activation: Activation) -> Option<String> {
-    let known = matches!(activation, Activation::Elu | Activation::Relu | Activation::Tanh);
-    (!known).then(|| format!("the activation {activation}"))
+/// Functions of a layer's sums, as the kernels name them.
+pub(crate) const FUNCTIONS: [&str; 8] =
+    ["LINEAR", "EXPONENTIAL", "RECTIFIED", "LEAKY", "TANGENT", "SILU", "GELU", "GELU_TANH"];
+
+/// The kernels' name of an activation, and its two parameters.
+pub(crate) fn function(activation: Activation) -> (&'static str, f32, f32) {
+    match activation {
+        // ELU, with other parameters, and SELU are λ x above 0 and λ α (eˣ − 1) below.
+        Activation::Elu => ("EXPONENTIAL", 1.0, 1.0),
+        Activation::EluOf(alpha) => ("EXPONENTIAL", alpha, 1.0),
+        Activation::Selu => ("EXPONENTIAL", SELU[0] as f32, SELU[1] as f32),
+        Activation::Relu => ("RECTIFIED", 0.0, 0.0),
+        Activation::LeakyRelu(slope) => ("LEAKY", slope, 0.0),
+        Activation::Tanh => ("TANGENT", 0.0, 0.0),
+        Activation::Silu => ("SILU", 0.0, 0.0),
+        Activation::Gelu => ("GELU", 0.0, 0.0),
+        Activation::GeluTanh => ("GELU_TANH", 0.0, 0.0),
+    }
 }
 
 /// Words for a policy with this layout, for a message, if the kernels do not write one of its observations.

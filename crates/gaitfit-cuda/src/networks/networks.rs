@@ -1,10 +1,10 @@
 //! A policy's networks as the kernels have them: one list of numbers, and tables of where each layer's numbers begin.
 
-use gaitfit_policy::network::{Activation, Cell, Network, RecurrentLayer, SELU};
+use gaitfit_policy::network::{Cell, Network, RecurrentLayer};
 use gaitfit_policy::{Encoder, Front, Latent, Policy};
 
 use super::Blocks;
-use crate::words::{Words, single};
+use crate::words::{FUNCTIONS, Words, function, single};
 
 /// A policy's networks in the kernels' order.
 pub(crate) struct Networks {
@@ -97,7 +97,8 @@ impl Networks {
             let weight = self.put_matrix(&network.parameters[layer.weight.clone()], layer.outputs);
             let bias = self.put(&network.parameters[layer.bias.clone()]);
             let hidden = index + 1 < layers.len();
-            let function = if hidden { Some(network.shape.activation) } else { network.output };
+            let taken = if hidden { Some(network.shape.activation) } else { network.output };
+            let (name, alpha, lambda) = taken.map_or(("LINEAR", 0.0, 0.0), function);
             // A norm stands before a hidden layer's activation: ε, then the weights and biases.
             let norm = network.norms.get(index).and_then(Option::as_ref).filter(|_| hidden).map(|norm| {
                 let epsilon = self.put(&[norm.epsilon]);
@@ -106,10 +107,11 @@ impl Networks {
             });
             let norm = norm.map_or("-1".to_owned(), |place| place.to_string());
             self.layers.push(format!(
-                "{{{}, {}, {weight}, {bias}, {norm}, {}}}",
+                "{{{}, {}, {weight}, {bias}, {norm}, {name}, {}, {}}}",
                 layer.inputs.div_ceil(4),
                 layer.outputs,
-                written(function)
+                single(alpha),
+                single(lambda)
             ));
         }
     }
@@ -176,26 +178,4 @@ impl Networks {
         );
         words.table("Cell", "CELL", self.recurrent.clone());
     }
-}
-
-/// Functions of a layer's sums, as the kernels name them.
-const FUNCTIONS: [&str; 8] =
-    ["LINEAR", "EXPONENTIAL", "RECTIFIED", "LEAKY", "TANGENT", "SILU", "GELU", "GELU_TANH"];
-
-/// The kernels' name of a function of a layer's sums, and its two parameters.
-fn written(function: Option<Activation>) -> String {
-    let (number, alpha, lambda) = match function {
-        None => ("LINEAR", 0.0, 0.0),
-        // ELU, with other parameters, and SELU are λ x above 0 and λ α (eˣ − 1) below.
-        Some(Activation::Elu) => ("EXPONENTIAL", 1.0, 1.0),
-        Some(Activation::EluOf(alpha)) => ("EXPONENTIAL", alpha, 1.0),
-        Some(Activation::Selu) => ("EXPONENTIAL", SELU[0] as f32, SELU[1] as f32),
-        Some(Activation::Relu) => ("RECTIFIED", 0.0, 0.0),
-        Some(Activation::LeakyRelu(slope)) => ("LEAKY", slope, 0.0),
-        Some(Activation::Tanh) => ("TANGENT", 0.0, 0.0),
-        Some(Activation::Silu) => ("SILU", 0.0, 0.0),
-        Some(Activation::Gelu) => ("GELU", 0.0, 0.0),
-        Some(Activation::GeluTanh) => ("GELU_TANH", 0.0, 0.0),
-    };
-    format!("{number}, {}, {}", single(alpha), single(lambda))
 }

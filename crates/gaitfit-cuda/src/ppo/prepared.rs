@@ -7,7 +7,6 @@ use super::launch::Batch;
 use super::plan::{Plan, Task, check_shared, turns};
 use super::text::{MAX_ACTIONS, Room, Text};
 use crate::runtime::{Device, Program};
-use crate::words::unknown;
 use gaitfit_policy::network::RecurrentShape;
 
 /// Properties of a GPU that plans must know.
@@ -124,7 +123,5 @@ pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
         let what = "a memory before only one of actor and critic".to_owned();
         return Err(PpoError::Unsupported(what));
     }
-    let mut networks = [learner.actor(), learner.critic()].into_iter();
-    let unknown = networks.find_map(|network| unknown(network.shape.activation));
-    unknown.map_or(Ok(()), |what| Err(PpoError::Unsupported(what)))
+    Ok(())
 }

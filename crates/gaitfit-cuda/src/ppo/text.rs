@@ -7,6 +7,7 @@ use gaitfit_policy::network::{Activation, Shape};
 
 use super::layout::{MAX_LAYERS, NetLayout, TooWide};
 use crate::runtime::Program;
+use crate::words::{FUNCTIONS, function, single};
 
 /// Threads of a block of the large kernel.
 pub(super) const THREADS: usize = 512;
@@ -90,7 +91,7 @@ impl Text {
             [&actor_net, &critic_net],
             (precision, memory),
             [rows, foreseen],
-            actor.activation,
+            [actor.activation, critic.activation],
         );
         let layers = match precision {
             Precision::Bf16 => include_str!("kernels/layers_bf16.cu"),
@@ -122,20 +123,14 @@ fn defines(
     nets: [&NetLayout; 2],
     (precision, memory): (Precision, bool),
     [rows, foreseen]: [usize; 2],
-    activation: Activation,
+    functions: [Activation; 2],
 ) -> String {
-    let mut text = String::new();
+    let mut text = activations(functions);
     let mut define = |name: &str, value: String| {
         // Writing to a string does not fail.
         let _ = writeln!(text, "#define {name} {value}");
     };
     let parameters = nets.map(|net| net.map.len());
-    let activation = match activation {
-        Activation::Elu => 0,
-        Activation::Relu => 1,
-        // `check_networks` refuses other functions.
-        _ => 2,
-    };
     for (name, value) in [
         ("ACTOR_INPUTS", nets[0].widths[0]),
         ("MEMORY", usize::from(memory)),
@@ -145,7 +140,6 @@ fn defines(
         ("THREADS", THREADS),
         ("SPLIT", usize::from(precision == Precision::F32)),
         ("BF16", usize::from(precision == Precision::Bf16)),
-        ("ACTIVATION", activation),
         ("ACTOR_PARAMETERS", parameters[0]),
         ("CRITIC_PARAMETERS", parameters[1]),
         ("PARAMETERS", parameters[0] + parameters[1] + widths.action),
@@ -178,27 +172,45 @@ fn defines(
     ] {
         define(name, format!("{value:?}"));
     }
-    put_networks(&mut text, nets);
+    put_networks(&mut text, nets, functions);
+    text
+}
+
+/// The functions of hidden layers: the actor's and the critic's.
+fn activations(functions: [Activation; 2]) -> String {
+    let mut text = format!("enum {{ {} }};\n", FUNCTIONS.join(", "));
+    for (number, activation) in functions.into_iter().enumerate() {
+        let (name, alpha, lambda) = function(activation);
+        let (alpha, lambda) = (single(alpha), single(lambda));
+        // Writing to a string does not fail.
+        let _ = write!(
+            text,
+            "#define FUNCTION_{number} {name}\n#define ALPHA_{number} {alpha}\n#define LAMBDA_{number} {lambda}\n"
+        );
+    }
     text
 }
 
 /// Shapes of the layers, and where the networks' numbers are.
-fn put_networks(text: &mut String, nets: [&NetLayout; 2]) {
+fn put_networks(text: &mut String, nets: [&NetLayout; 2], functions: [Activation; 2]) {
     let list = |numbers: &[usize]| {
         let mut words: Vec<String> = numbers.iter().map(ToString::to_string).collect();
         words.resize(MAX_LAYERS + 1, "0".into());
         format!("{{{}}}", words.join(", "))
     };
-    let mut shapes: Vec<[usize; 4]> = nets.iter().flat_map(|net| net.shapes()).collect();
+    // Layers of equal widths and functions share their code.
+    let other = usize::from(functions[0] != functions[1]);
+    let shapes_of = [(nets[0], 0), (nets[1], other)].map(|(net, function)| -> Vec<_> {
+        net.shapes().into_iter().map(|widths| (widths, function)).collect()
+    });
+    let mut shapes = shapes_of.concat();
     shapes.sort_unstable();
     shapes.dedup();
     let size = MAX_LAYERS + 1;
-    let rows = nets.map(|net| {
-        let numbers: Vec<usize> = net
-            .shapes()
-            .iter()
-            .map(|shape| shapes.iter().position(|other| other == shape).unwrap_or(0))
-            .collect();
+    let rows = [0, 1].map(|number| {
+        let (net, shapes_of) = (nets[number], &shapes_of[number]);
+        let place = |shape| shapes.iter().position(|other| other == shape).unwrap_or(0);
+        let numbers: Vec<usize> = shapes_of.iter().map(place).collect();
         let lists: Vec<String> = [
             &numbers,
             &net.widths,
@@ -218,8 +230,8 @@ fn put_networks(text: &mut String, nets: [&NetLayout; 2]) {
     let cases: Vec<String> = shapes
         .iter()
         .enumerate()
-        .map(|(number, [used_in, inputs, outputs, used_out])| {
-            format!("X({number}, {used_in}, {inputs}, {outputs}, {used_out})")
+        .map(|(number, ([used_in, inputs, outputs, used_out], function))| {
+            format!("X({number}, {used_in}, {inputs}, {outputs}, {used_out}, {function})")
         })
         .collect();
     let _ = write!(

@@ -36,23 +36,24 @@ DEVICE float exponential(float x) {
 #endif
 }
 
-DEVICE float activate(float x) {
-#if ACTIVATION == 0
-    return x > 0.0f ? x : exponential(x) - 1.0f;
-#elif ACTIVATION == 1
-    return x < 0.0f ? 0.0f : x;
-#else
+// Function F of hidden layers: 0 is the actor's, 1 the critic's if that is another one.
+template <int F> DEVICE float activate(float x) {
+    constexpr int KIND = F == 0 ? FUNCTION_0 : FUNCTION_1;
+    constexpr float ALPHA = F == 0 ? ALPHA_0 : ALPHA_1, LAMBDA = F == 0 ? LAMBDA_0 : LAMBDA_1;
+    if (KIND == EXPONENTIAL) return LAMBDA * (x > 0.0f ? x : ALPHA * (exponential(x) - 1.0f));
+    if (KIND == RECTIFIED) return x < 0.0f ? 0.0f : x;
+    if (KIND == LEAKY) return x > 0.0f ? x : ALPHA * x;
     return tanhf(x);
-#endif
 }
 
-// Derivative by the activation's result.
-DEVICE float slope(float h) {
-#if ACTIVATION == 0
-    return h > 0.0f ? 1.0f : h + 1.0f;
-#elif ACTIVATION == 1
-    return h > 0.0f ? 1.0f : 0.0f;
-#else
+// Derivative by the result of function F; 1 if F is NO_FUNCTION.
+#define NO_FUNCTION -1
+template <int F> DEVICE float slope(float h) {
+    constexpr int KIND = F == 0 ? FUNCTION_0 : FUNCTION_1;
+    constexpr float ALPHA = F == 0 ? ALPHA_0 : ALPHA_1, LAMBDA = F == 0 ? LAMBDA_0 : LAMBDA_1;
+    if (F == NO_FUNCTION) return 1.0f;
+    if (KIND == EXPONENTIAL) return h > 0.0f ? LAMBDA : h + LAMBDA * ALPHA;
+    if (KIND == RECTIFIED) return h > 0.0f ? 1.0f : 0.0f;
+    if (KIND == LEAKY) return h > 0.0f ? 1.0f : ALPHA;
     return 1.0f - h * h;
-#endif
 }

@@ -128,7 +128,7 @@ DEVICE void product(float (&sum)[2][J][4], const float* rows, const float4* __re
 }
 
 // Waits, then out = f(h W + b): K of IN columns of h are used.
-template <int R, int K, int IN, int OUT>
+template <int R, int K, int IN, int OUT, int F>
 DEVICE void forward(
     const float* h, float* out, float*, const float* __restrict__ weight, const float* __restrict__ bias, bool last
 ) {
@@ -147,7 +147,7 @@ DEVICE void forward(
 #pragma unroll
             for (int i = 0; i < 4; i++) {
                 float2 x = {sum[i / 2][j][i % 2 * 2] + shift.x, sum[i / 2][j][i % 2 * 2 + 1] + shift.y};
-                if (!last) x.x = rounded(activate(x.x)), x.y = rounded(activate(x.y));
+                if (!last) x.x = rounded(activate<F>(x.x)), x.y = rounded(activate<F>(x.y));
                 *(float2*)(to + 8 * i * OUT + (n ^ s)) = x;
             }
         }
@@ -155,7 +155,7 @@ DEVICE void forward(
 }
 
 // Waits, then h = (d W^T) f'(h), or without f' where h is no function's result: K of OUT columns of d are used.
-template <int R, int K, int IN, int OUT, bool SLOPE>
+template <int R, int K, int IN, int OUT, int F>
 DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
     __syncthreads();
     constexpr int J = BLOCKS_OF(R, IN), COUNT = IN / (8 * J);
@@ -172,8 +172,8 @@ DEVICE void backward(float* h, const float* d, const float* __restrict__ weight)
                 float2* at = (float2*)(to + 8 * i * IN + (((n0 & 31) + 8 * j + 2 * t) ^ s));
                 float2 x = *at;
                 float2 d_x = {sum[i / 2][j][i % 2 * 2], sum[i / 2][j][i % 2 * 2 + 1]};
-                x.x = SLOPE ? rounded(d_x.x * slope(x.x)) : d_x.x;
-                x.y = SLOPE ? rounded(d_x.y * slope(x.y)) : d_x.y;
+                x.x = F == NO_FUNCTION ? d_x.x : rounded(d_x.x * slope<F>(x.x));
+                x.y = F == NO_FUNCTION ? d_x.y : rounded(d_x.y * slope<F>(x.y));
                 *at = x;
             }
     }

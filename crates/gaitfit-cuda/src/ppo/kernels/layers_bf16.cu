@@ -114,7 +114,7 @@ DEVICE void product(float (&sum)[I][J][4], Weights<J, STEPS, COLUMNS>& weights, 
 }
 
 // Waits for the group, then out = f(h W + b); of the last layer h W + b goes to `floats`, and zeros to `out`.
-template <int R, int K, int IN, int OUT>
+template <int R, int K, int IN, int OUT, int F>
 DEVICE void forward(
     const Number* h, Number* out, float* floats, const float* __restrict__ weight, const float* __restrict__ bias, bool last
 ) {
@@ -158,14 +158,14 @@ DEVICE void forward(
         for (int i = 0; i < 2 * I; i++)
 #pragma unroll
             for (int j = 0; j < J; j++) {
-                float x = activate(sum[i / 2][j][i % 2 * 2]), y = activate(sum[i / 2][j][i % 2 * 2 + 1]);
+                float x = activate<F>(sum[i / 2][j][i % 2 * 2]), y = activate<F>(sum[i / 2][j][i % 2 * 2 + 1]);
                 *(u32*)(out + at + 8 * i * APART + 8 * j) = pair_of(x, y);
             }
     }
 }
 
 // h = (d W^T) f'(h), or without f' where h is no function's result. Waits for the block before h changes.
-template <int R, int K, int IN, int OUT, bool SLOPE>
+template <int R, int K, int IN, int OUT, int F>
 DEVICE void backward(Number* h, const Number* d, const float* __restrict__ weight) {
     using G = Group<R>;
     constexpr Tile TILE_OF = tile_for(G::ROWS_OF, IN, G::WARPS_OF);
@@ -190,7 +190,7 @@ DEVICE void backward(Number* h, const Number* d, const float* __restrict__ weigh
             for (int j = 0; j < J; j++) {
                 u32* at = (u32*)(to + 8 * i * APART + 8 * j);
                 float2 d_x = {sum[i / 2][j][i % 2 * 2], sum[i / 2][j][i % 2 * 2 + 1]};
-                if (SLOPE) d_x.x *= slope(low_of(*at)), d_x.y *= slope(high_of(*at));
+                if (F != NO_FUNCTION) d_x.x *= slope<F>(low_of(*at)), d_x.y *= slope<F>(high_of(*at));
                 *at = pair_of(d_x.x, d_x.y);
             }
     }

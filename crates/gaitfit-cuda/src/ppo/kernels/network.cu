@@ -12,8 +12,8 @@ template <int R> DEVICE void forward_layer(const Net& net, int layer, Number* po
     float* floats = outputs_begin<R>(net, pool);
     const float *weight = packed + net.weight[layer], *bias = packed + net.bias[layer];
     bool last = layer + 1 == net.layers;
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) forward<R, K_IN, IN, OUT>(h, out, floats, weight, bias, last);
+#define CASE(number, K_IN, IN, OUT, K_OUT, F) \
+    if (net.shape[layer] == number) forward<R, K_IN, IN, OUT, F>(h, out, floats, weight, bias, last);
     SHAPES(CASE)
 #undef CASE
 }
@@ -21,8 +21,8 @@ template <int R> DEVICE void forward_layer(const Net& net, int layer, Number* po
 DEVICE void backward_layer(const Net& net, int layer, Number* pool, const float* packed) {
     Number* h = pool + ROWS * net.place[layer];
     const Number* d = pool + ROWS * net.place[layer + 1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[layer] == number) backward<ROWS, K_OUT, IN, OUT, true>(h, d, packed + net.back[layer]);
+#define CASE(number, K_IN, IN, OUT, K_OUT, F) \
+    if (net.shape[layer] == number) backward<ROWS, K_OUT, IN, OUT, F>(h, d, packed + net.back[layer]);
     SHAPES(CASE)
 #undef CASE
 }
@@ -32,8 +32,8 @@ DEVICE void backward_layer(const Net& net, int layer, Number* pool, const float*
 DEVICE void input_layer(const Net& net, Number* pool, const float* packed) {
     Number* h = pool + ROWS * net.place[0];
     const Number* d = pool + ROWS * net.place[1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
-    if (net.shape[0] == number) backward<ROWS, K_OUT, IN, OUT, false>(h, d, packed + net.back[0]);
+#define CASE(number, K_IN, IN, OUT, K_OUT, F) \
+    if (net.shape[0] == number) backward<ROWS, K_OUT, IN, OUT, NO_FUNCTION>(h, d, packed + net.back[0]);
     SHAPES(CASE)
 #undef CASE
 }
@@ -42,7 +42,7 @@ DEVICE void input_layer(const Net& net, Number* pool, const float* packed) {
 DEVICE void gather_layer(const Net& net, int layer, const Number* pool, float* gradient, bool first) {
     const Number* h = pool + ROWS * net.place[layer];
     const Number* d = pool + ROWS * net.place[layer + 1];
-#define CASE(number, K_IN, IN, OUT, K_OUT) \
+#define CASE(number, K_IN, IN, OUT, K_OUT, F) \
     if (net.shape[layer] == number) \
         gather_gradient<ROWS, IN, OUT>(h, d, gradient + net.of_weight[layer], gradient + net.of_bias[layer], first);
     SHAPES(CASE)
