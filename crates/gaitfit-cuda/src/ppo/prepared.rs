@@ -123,5 +123,15 @@ pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
         let what = "a memory before only one of actor and critic".to_owned();
         return Err(PpoError::Unsupported(what));
     }
+    for network in [learner.actor(), learner.critic()] {
+        let activation = network.shape.activation;
+        // Kernels keep the layers' outputs alone.
+        if !activation.slope_follows_from_output() {
+            return Err(PpoError::Unsupported(format!("the activation {activation}")));
+        }
+        if let Some(output) = network.output {
+            return Err(PpoError::Unsupported(format!("a function of its output, {output}")));
+        }
+    }
     Ok(())
 }

@@ -18,6 +18,8 @@ const WIDTHS: Widths = Widths { observation: 5, critic_observation: 7, action: 3
 /// A minibatch of random numbers at a random point, in either float type.
 struct Problem {
     settings: Settings,
+    /// Function of the actor's output.
+    output: Option<Activation>,
     shapes: (Shape, Shape),
     /// Actor, critic, ln σ.
     parameters: Vec<f64>,
@@ -33,7 +35,7 @@ fn normals(number: u32, size: usize, scale: f64) -> Vec<f64> {
 }
 
 impl Problem {
-    fn new(settings: Settings) -> Self {
+    fn new(settings: Settings, output: Option<Activation>) -> Self {
         let shapes = settings.shapes(WIDTHS).unwrap();
         let size = shapes.0.parameters() + shapes.1.parameters();
         let widest = shapes.0.widest().max(shapes.1.widest());
@@ -53,6 +55,7 @@ impl Problem {
                 returns: vec![0.0; ROWS],
             },
             settings,
+            output,
             shapes,
         };
         // Ratios and value changes around ± 0.4 of where the networks stand, so that every row of either clip is met.
@@ -80,7 +83,7 @@ impl Problem {
 
     /// Means and values of all rows, by loops of scalar products.
     fn outputs(&self) -> (Vec<f64>, Vec<f64>) {
-        let run = |shape: &Shape, parameters: &[f64], input: &[f64]| {
+        let run = |shape: &Shape, last: Option<Activation>, parameters: &[f64], input: &[f64]| {
             let mut output = Vec::new();
             for row in input.chunks_exact(shape.inputs) {
                 let mut x = row.to_vec();
@@ -90,16 +93,21 @@ impl Problem {
                         let w = |i: usize| parameters[layer.weight.start + i * layer.outputs + j];
                         let y = parameters[layer.bias.start + j]
                             + (0..layer.inputs).map(|i| x[i] * w(i)).sum::<f64>();
-                        match shape.activation {
-                            _ if number + 1 == layers.len() => y,
-                            Activation::Elu if y <= 0.0 => y.exp_m1(),
-                            Activation::Relu if y <= 0.0 => 0.0,
-                            Activation::Tanh => y.tanh(),
-                            Activation::EluOf(alpha) if y <= 0.0 => f64::from(alpha) * y.exp_m1(),
-                            Activation::LeakyRelu(slope) if y <= 0.0 => f64::from(slope) * y,
-                            Activation::Selu => {
+                        let function = if number + 1 == layers.len() { last } else { Some(shape.activation) };
+                        match function {
+                            Some(Activation::Elu) if y <= 0.0 => y.exp_m1(),
+                            Some(Activation::Relu) if y <= 0.0 => 0.0,
+                            Some(Activation::Tanh) => y.tanh(),
+                            Some(Activation::EluOf(alpha)) if y <= 0.0 => f64::from(alpha) * y.exp_m1(),
+                            Some(Activation::LeakyRelu(slope)) if y <= 0.0 => f64::from(slope) * y,
+                            Some(Activation::Selu) => {
                                 let below = 1.673_263_242_354_377_2 * y.exp_m1();
                                 1.050_700_987_355_480_5 * if y > 0.0 { y } else { below }
+                            }
+                            Some(Activation::Silu) => y / (1.0 + (-y).exp()),
+                            Some(Activation::GeluTanh) => {
+                                let root = (2.0 / std::f64::consts::PI).sqrt();
+                                0.5 * y * (1.0 + (root * (y + 0.044_715 * y.powi(3))).tanh())
                             }
                             _ => y,
                         }
@@ -113,8 +121,8 @@ impl Problem {
         let (actor, critic) = &self.shapes;
         let split = actor.parameters();
         (
-            run(actor, &self.parameters[..split], &self.observation),
-            run(critic, &self.parameters[split..], &self.critic_observation),
+            run(actor, self.output, &self.parameters[..split], &self.observation),
+            run(critic, None, &self.parameters[split..], &self.critic_observation),
         )
     }
 
@@ -127,7 +135,7 @@ impl Problem {
         let log_std = convert(self.log_std());
         let constants = Constants::new(&self.settings, ROWS, &log_std, &convert(&self.old_log_std));
         let point = Point {
-            actor: Weights::new(actor, &parameters[..split]),
+            actor: Weights::new(actor, &parameters[..split]).with_output(self.output),
             critic: Weights::new(critic, &parameters[split..end]),
             memories: [None, None],
             constants,
@@ -200,8 +208,13 @@ fn settings(activation: Activation, clipped_value_loss: bool) -> Settings {
 
 /// Holds every `stride`-th element of the gradient against central differences.
 fn check_by_differences(settings: Settings, stride: usize) {
+    check_with_output(settings, None, stride);
+}
+
+/// As [`check_by_differences`], with this function of the actor's output.
+fn check_with_output(settings: Settings, output: Option<Activation>, stride: usize) {
     let activation = settings.activation;
-    let mut problem = Problem::new(settings);
+    let mut problem = Problem::new(settings, output);
     let (gradient, sums) = problem.gradient::<f64>();
     let (loss, kl) = problem.loss();
     let own = (sums.surrogate + problem.settings.value_coefficient * sums.value) / ROWS as f64;
@@ -247,9 +260,22 @@ fn gradient_is_that_of_the_formulas_by_central_differences() {
     }
 }
 
+/// The tape keeps derivatives that do not follow from outputs, and those of functions of the output.
+#[test]
+fn gradient_of_swish_and_of_a_bounded_output_is_that_of_the_formulas() {
+    for activation in [Activation::Silu, Activation::GeluTanh] {
+        check_by_differences(settings(activation, true), 1);
+        check_with_output(settings(activation, false), Some(Activation::Tanh), 1);
+        for settings in wide(activation) {
+            check_with_output(settings, Some(Activation::Silu), 67);
+        }
+    }
+    check_with_output(settings(Activation::Tanh, true), Some(Activation::Selu), 1);
+}
+
 #[test]
 fn the_gradient_test_meets_every_branch_of_both_clips() {
-    let problem = Problem::new(settings(Activation::Elu, true));
+    let problem = Problem::new(settings(Activation::Elu, true), None);
     let (_, value) = problem.outputs();
     let (_, sums) = problem.gradient::<f64>();
     assert!(sums.clipped > 5.0 && sums.clipped < 35.0, "{} of {ROWS} ratios outside the clip", sums.clipped);
@@ -270,7 +296,7 @@ fn the_gradient_test_meets_every_branch_of_both_clips() {
 
 #[test]
 fn tiles_without_a_derivative_add_nothing_and_rows_that_are_no_numbers_show() {
-    let mut problem = Problem::new(settings(Activation::Elu, true));
+    let mut problem = Problem::new(settings(Activation::Elu, true), None);
     let actor = problem.shapes.0.parameters();
     let (with_all, _) = problem.gradient::<f64>();
     problem.targets.advantage.fill(0.0);
@@ -286,7 +312,7 @@ fn tiles_without_a_derivative_add_nothing_and_rows_that_are_no_numbers_show() {
 #[test]
 fn single_precision_gradient_is_that_of_double() {
     for settings in [settings(Activation::Elu, true)].into_iter().chain(wide(Activation::Elu)) {
-        let problem = Problem::new(settings);
+        let problem = Problem::new(settings, None);
         let (double, _) = problem.gradient::<f64>();
         let (single, _) = problem.gradient::<f32>();
         let greatest = double.iter().fold(0.0_f64, |a, b| a.max(b.abs()));

@@ -198,12 +198,6 @@ impl Settings {
                 "give at most 16 layers of at most 4096",
             )?;
         }
-        require(
-            self.activation.is_trainable(),
-            "activation",
-            self.activation.to_string(),
-            "give elu, relu, tanh, leaky_relu or selu: others are for policies that are not trained here",
-        )?;
         not_negative("output_gain", self.output_gain)?;
         positive("initial_std", self.initial_std)?;
         if let Some(std) = self.fixed_std {

@@ -231,10 +231,11 @@ impl Learner {
 
 /// A network's parameters for its passes.
 fn weights<'a>(network: &'a Network, memory: &Option<Recurrent>) -> Weights<'a, f32> {
-    match memory {
+    let weights = match memory {
         None => Weights::new(&network.shape, &network.parameters),
         Some(_) => Weights::behind_another(&network.shape, &network.parameters),
-    }
+    };
+    weights.with_output(network.output)
 }
 
 /// Where a network's and its memory's parameters lie in the flat gradient from `start` on.

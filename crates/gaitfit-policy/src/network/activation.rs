@@ -30,11 +30,11 @@ pub enum Activation {
     LeakyRelu(f32),
     /// λ x where x > 0, else λ α (eˣ − 1) (Klambauer et al. 2017).
     Selu,
-    /// x σ(x), also called swish (Hendrycks, Gimpel 2016). For inference.
+    /// x σ(x), also called swish (Hendrycks, Gimpel 2016).
     Silu,
-    /// x Φ(x), Φ the normal distribution (Hendrycks, Gimpel 2016). For inference.
+    /// x Φ(x), Φ the normal distribution (Hendrycks, Gimpel 2016).
     Gelu,
-    /// Its approximation by a hyperbolic tangent, as PyTorch has it. For inference.
+    /// Its approximation by a hyperbolic tangent, as PyTorch has it.
     GeluTanh,
 }
 
@@ -64,8 +64,8 @@ impl Activation {
         }
     }
 
-    /// Whether its derivative follows from its output, which trainings need.
-    pub fn is_trainable(self) -> bool {
+    /// Whether its derivative follows from its output. Where it does not, a training keeps the derivative beside the output.
+    pub fn slope_follows_from_output(self) -> bool {
         !matches!(self, Self::Silu | Self::Gelu | Self::GeluTanh)
     }
 

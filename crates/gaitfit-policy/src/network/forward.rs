@@ -13,22 +13,29 @@ pub(crate) fn layer<T: Scalar>(
     output: &mut [T],
 ) {
     let layer = &layers[index];
+    if index + 1 == layers.len() {
+        return sums(layer, parameters, rows, input, output);
+    }
+    let output = &mut output[..rows * layer.outputs];
+    let x = Matrix::row_major(input, rows, layer.inputs);
+    let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
+    matmul::multiply(output, x, w, false);
+    lanes::add_bias_and_activate(output, &parameters[layer.bias.clone()], activation);
+}
+
+/// A layer without a function; as [`layer`].
+pub(crate) fn sums<T: Scalar>(layer: &Layer, parameters: &[T], rows: usize, input: &[T], output: &mut [T]) {
     let output = &mut output[..rows * layer.outputs];
     let bias = &parameters[layer.bias.clone()];
-    let last = index + 1 == layers.len();
     // Few outputs would leave the vectors of a matrix product half empty.
-    if last && (2..=lanes::NARROW).contains(&layer.outputs) {
+    if (2..=lanes::NARROW).contains(&layer.outputs) {
         let input = &input[..rows * layer.inputs];
         return lanes::multiply_narrow(output, input, &parameters[layer.weight.clone()], bias);
     }
     let x = Matrix::row_major(input, rows, layer.inputs);
     let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
     matmul::multiply(output, x, w, false);
-    if last {
-        lanes::add_bias(output, bias);
-    } else {
-        lanes::add_bias_and_activate(output, bias, activation);
-    }
+    lanes::add_bias(output, bias);
 }
 
 /// A hidden layer whose sums are normalised before its activation; as [`layer`].

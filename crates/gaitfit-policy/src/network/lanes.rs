@@ -193,8 +193,69 @@ kernels! {
         }
     }
 
+    /// y = f(y), and the derivative f′ there, of every number.
+    pub fn activate_with_slopes<T: Scalar>(y: &mut [T], slopes: &mut [T], activation: Activation) {
+        let each = y.iter_mut().zip(slopes);
+        match activation {
+            Activation::Elu | Activation::EluOf(_) | Activation::Selu => {
+                let [alpha, lambda] = match activation {
+                    Activation::Selu => SELU.map(T::from_f64),
+                    _ => [T::from_f64(f64::from(activation.parameter().unwrap_or(1.0))), T::ONE],
+                };
+                for (y, slope) in each {
+                    let x = *y;
+                    let power = x.exponential::<FUSED>();
+                    *slope = lambda * if x > T::ZERO { T::ONE } else { alpha * power };
+                    *y = elu::<T, FUSED>(x, alpha, lambda);
+                }
+            }
+            Activation::Relu | Activation::LeakyRelu(_) => {
+                let below = T::from_f64(f64::from(activation.parameter().unwrap_or(0.0)));
+                for (y, slope) in each {
+                    *slope = if *y > T::ZERO { T::ONE } else { below };
+                    *y = if *y > T::ZERO { *y } else { below * *y };
+                }
+            }
+            Activation::Tanh => {
+                for (y, slope) in each {
+                    let h = (*y).hyperbolic_tangent::<FUSED>();
+                    (*slope, *y) = (T::ONE - h * h, h);
+                }
+            }
+            Activation::Silu => {
+                for (y, slope) in each {
+                    let (x, share) = (*y, T::ONE / (T::ONE + (-*y).exponential::<FUSED>()));
+                    *slope = share * (T::ONE + x * (T::ONE - share));
+                    *y = x / (T::ONE + (-x).exponential::<FUSED>());
+                }
+            }
+            Activation::Gelu => {
+                // φ(0), the density of the normal distribution at 0.
+                let [density, half] = [0.398_942_280_401_432_7, 0.5].map(T::from_f64);
+                for (y, slope) in each {
+                    let x = *y;
+                    let power = (-half * x * x).exponential::<FUSED>();
+                    *y = gelu::<T, FUSED>(x);
+                    // Φ(x) = gelu(x) / x.
+                    let share = if x == T::ZERO { half } else { *y / x };
+                    *slope = share + x * density * power;
+                }
+            }
+            Activation::GeluTanh => {
+                let [root, cubic, half, three] = [0.797_884_560_802_865_4, 0.044_715, 0.5, 3.0].map(T::from_f64);
+                for (y, slope) in each {
+                    let x = *y;
+                    let t = (root * (x + cubic * x * x * x)).hyperbolic_tangent::<FUSED>();
+                    let inner = root * (T::ONE + three * cubic * x * x);
+                    *slope = half * (T::ONE + t) + half * x * (T::ONE - t * t) * inner;
+                    *y = half * x * (T::ONE + t);
+                }
+            }
+        }
+    }
+
     /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
-    /// ELU′ = h + α below 0 and tanh′ = 1 − h².
+    /// ELU′ = h + α below 0 and tanh′ = 1 − h². Where f′ does not follow from h, h is f′ itself.
     pub fn multiply_by_derivative<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
         match activation {
             Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),
@@ -212,10 +273,8 @@ kernels! {
                 let [alpha, lambda] = SELU.map(T::from_f64);
                 multiply_and_sum(d, h, sums, |h| if h > T::ZERO { lambda } else { h + lambda * alpha });
             }
-            // Learners refuse these; a NaN shows one that does not.
-            Activation::Silu | Activation::Gelu | Activation::GeluTanh => {
-                multiply_and_sum(d, h, sums, |_| T::from_f64(f64::NAN));
-            }
+            // Their derivatives do not follow from their outputs: `h` holds the derivatives of `activate_with_slopes`.
+            Activation::Silu | Activation::Gelu | Activation::GeluTanh => multiply_and_sum(d, h, sums, |h| h),
         }
     }
 
@@ -247,5 +306,46 @@ kernels! {
             *second += share_2 * (g * g - *second);
             *parameter = *parameter - rate * *first / (second.square_root() / correction + epsilon);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Functions are those of layers without slopes, and slopes are their derivatives.
+    #[test]
+    fn slopes_are_the_derivatives_of_activations() {
+        let numbers: Vec<f64> = (-40..=40).map(|k| 0.11 * f64::from(k) + 0.003).collect();
+        for activation in [
+            Activation::Elu,
+            Activation::EluOf(0.7),
+            Activation::Selu,
+            Activation::Relu,
+            Activation::LeakyRelu(0.2),
+            Activation::Tanh,
+            Activation::Silu,
+            Activation::Gelu,
+            Activation::GeluTanh,
+        ] {
+            let at = |shift: f64| {
+                let mut y: Vec<f64> = numbers.iter().map(|x| x + shift).collect();
+                let zeros = vec![0.0; y.len()];
+                add_bias_and_activate(&mut y, &zeros, activation);
+                y
+            };
+            let (mut y, mut slopes) = (numbers.clone(), vec![0.0; numbers.len()]);
+            activate_with_slopes(&mut y, &mut slopes, activation);
+            assert_eq!(y, at(0.0), "{activation}");
+            let step = 1e-5;
+            for ((above, below), slope) in at(step).iter().zip(&at(-step)).zip(&slopes) {
+                // The approximation of erfc in GELU has a derivative of its own.
+                let near = if activation == Activation::Gelu { 3e-6 } else { 1e-8 };
+                assert!(((above - below) / (2.0 * step) - slope).abs() < near, "{activation}: {slope}");
+            }
+        }
+        let (mut zero, mut slope) = ([0.0f32], [0.0f32]);
+        activate_with_slopes(&mut zero, &mut slope, Activation::Gelu);
+        assert_eq!((zero, slope), ([0.0], [0.5]));
     }
 }

@@ -18,7 +18,7 @@ pub struct Network {
     /// Layer norms of the sums of each hidden layer before its activation; layers beyond the list have none.
     /// For inference: trainings refuse it.
     pub norms: Vec<Option<LayerNorm>>,
-    /// Function of the output; none is linear. For inference.
+    /// Function of the output; none is linear.
     pub output: Option<Activation>,
 }
 
@@ -77,15 +77,7 @@ impl Network {
 
     /// Why it cannot be trained, in words; `None` for a network that can.
     pub fn untrainable(&self) -> Option<String> {
-        if self.norms.iter().any(Option::is_some) {
-            return Some("layer norm".to_owned());
-        }
-        if let Some(output) = self.output {
-            return Some(format!("a function of its output, {output}"));
-        }
-        let activation = self.shape.activation;
-        (!activation.is_trainable() && !self.shape.hidden.is_empty())
-            .then(|| format!("the activation {activation}"))
+        self.norms.iter().any(Option::is_some).then(|| "layer norm".to_owned())
     }
 
     /// Refuses what [`Network::new`] refuses.

@@ -6,13 +6,15 @@
 
 use aligned_vec::AVec;
 
-use super::{Shape, Weights, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
+use super::{Activation, Shape, Weights, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
 
 /// Layer outputs and derivatives of one network at a time on a tile of up to a fixed number of rows. Networks take
 /// turns in the same memory, which the caches so hold longer.
 pub struct Tape<T> {
     /// Output of every layer, `rows × outputs`.
     outputs: Vec<AVec<T>>,
+    /// f′ of every layer whose derivative is not computed from its output, `rows × outputs`; the others are empty.
+    slopes: Vec<AVec<T>>,
     /// ∂loss/∂output of the last layer, `rows × outputs`; the caller fills it before [`Self::backward`].
     output_derivative: AVec<T>,
     /// Derivatives between the layers, two buffers in turn.
@@ -26,6 +28,7 @@ impl<T: Scalar> Tape<T> {
     pub fn new(shapes: &[&Shape], rows: usize) -> Self {
         let mut tape = Self {
             outputs: Vec::new(),
+            slopes: Vec::new(),
             output_derivative: AVec::new(0),
             derivatives: [AVec::new(0), AVec::new(0)],
             narrow: AVec::new(0),
@@ -58,10 +61,18 @@ impl<T: Scalar> Tape<T> {
     pub fn forward(&mut self, weights: &Weights<'_, T>, rows: usize, input: &[T]) {
         let &Weights { shape, parameters, .. } = weights;
         let layers = shape.layers();
-        for index in 0..layers.len() {
+        self.slopes.resize_with(self.outputs.len(), || AVec::new(0));
+        for (index, layer) in layers.iter().enumerate() {
             let (before, after) = self.outputs.split_at_mut(index);
-            let input = before.last().map_or(input, |output| output);
-            forward::layer(&layers, index, shape.activation, parameters, rows, input, &mut after[0]);
+            let (input, output) = (before.last().map_or(input, |output| output), &mut after[0]);
+            let Some(function) = kept_slope(weights, index) else {
+                forward::layer(&layers, index, shape.activation, parameters, rows, input, output);
+                continue;
+            };
+            let (slopes, size) = (&mut self.slopes[index], rows * layer.outputs);
+            slopes.resize(slopes.len().max(size), T::ZERO);
+            forward::sums(layer, parameters, rows, input, output);
+            lanes::activate_with_slopes(&mut output[..size], &mut slopes[..size], function);
         }
     }
 
@@ -84,6 +95,11 @@ impl<T: Scalar> Tape<T> {
                 for (&width, output) in shape.hidden.iter().zip(&mut self.outputs) {
                     close_up(output, width);
                 }
+                let widths = shape.hidden.iter().chain([&shape.outputs]);
+                for (&width, slopes) in widths.zip(&mut self.slopes).filter(|(_, slopes)| !slopes.is_empty())
+                {
+                    close_up(slopes, width);
+                }
             }
             left += 1;
         }
@@ -95,6 +111,12 @@ impl<T: Scalar> Tape<T> {
     pub fn backward(&mut self, weights: &Weights<'_, T>, rows: usize, input: &[T], gradient: &mut [T]) {
         let shape = weights.shape;
         let layers = shape.layers();
+        let last = layers.len() - 1;
+        if kept_slope(weights, last).is_some() {
+            // From the derivative by the output to that by the last layer's sums.
+            let derivatives = self.output_derivative[..rows * shape.outputs].iter_mut();
+            derivatives.zip(self.slopes[last].iter()).for_each(|(derivative, &slope)| *derivative *= slope);
+        }
         let [even, odd] = &mut self.derivatives;
         let (mut current, mut next) = (even, odd);
         for (index, layer) in layers.iter().enumerate().rev() {
@@ -131,7 +153,9 @@ impl<T: Scalar> Tape<T> {
             let size = rows * layer.inputs;
             matmul::multiply(&mut next[..size], derivative_matrix, w, false);
             let sums = &mut gradient[layers[index - 1].bias.clone()];
-            lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, shape.activation);
+            let kept = kept_slope(weights, index - 1).map(|_| &self.slopes[index - 1]);
+            let h = kept.map_or(&x[..size], |slopes| &slopes[..size]);
+            lanes::multiply_by_derivative(&mut next[..size], h, sums, shape.activation);
             std::mem::swap(&mut current, &mut next);
         }
     }
@@ -152,10 +176,17 @@ impl<T: Scalar> Tape<T> {
     }
 }
 
+/// The function of a layer's sums, if the tape keeps its derivative.
+fn kept_slope<T>(weights: &Weights<'_, T>, layer: usize) -> Option<Activation> {
+    if layer == weights.shape.hidden.len() {
+        return weights.output;
+    }
+    Some(weights.shape.activation).filter(|activation| !activation.slope_follows_from_output())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::network::Activation;
 
     #[test]
     fn idle_rows_are_dropped_and_the_others_close_up_in_order() {

@@ -2,7 +2,7 @@
 
 use aligned_vec::{AVec, avec};
 
-use super::{Shape, scalar::Scalar};
+use super::{Activation, Shape, scalar::Scalar};
 
 /// Parameters with each matrix in both orders, so that it can be read row by row on the way forth and back.
 pub struct Weights<'a, T> {
@@ -13,6 +13,8 @@ pub struct Weights<'a, T> {
     /// Wᵀ where W is in `parameters`, of all layers but the first, through which nothing goes back
     /// unless the network stands behind another.
     pub(super) transposed: AVec<T>,
+    /// Function of the output; none is linear.
+    pub(super) output: Option<Activation>,
 }
 
 impl<'a, T: Scalar> Weights<'a, T> {
@@ -27,6 +29,12 @@ impl<'a, T: Scalar> Weights<'a, T> {
         Self::transposing(shape, parameters, 0)
     }
 
+    /// The same weights of a network whose output goes through this function.
+    #[must_use]
+    pub fn with_output(self, output: Option<Activation>) -> Self {
+        Self { output, ..self }
+    }
+
     /// With the layers from number `first` on in both orders.
     fn transposing(shape: &'a Shape, parameters: &'a [T], first: usize) -> Self {
         let mut transposed = avec![T::ZERO; parameters.len()];
@@ -38,6 +46,6 @@ impl<'a, T: Scalar> Weights<'a, T> {
                 row.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
             }
         }
-        Self { shape, parameters, transposed }
+        Self { shape, parameters, transposed, output: None }
     }
 }
