@@ -39,8 +39,10 @@
 mod assemble;
 mod attitude;
 mod check;
+pub mod column_names;
 mod columns;
 mod error;
+mod estimate;
 mod files;
 mod folder;
 mod imu;
@@ -74,6 +76,7 @@ pub use check::{
 };
 pub use columns::gravity_axis;
 pub use error::LogError;
+pub use estimate::{BLOCK_S, Estimate, MEDIAN_TO_DEVIATION};
 pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
 pub use imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
@@ -82,7 +85,7 @@ pub use motor::{MotorColumns, fold, gains as gains_of_columns};
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
 pub use regular::Regular;
-pub use sensors::{Estimate, Sensors, gyro_bias, velocity_lag};
+pub use sensors::{Sensors, gyro_bias, velocity_lag};
 pub use spacing::{Lost, Spacing, spacing};
 pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};

@@ -20,7 +20,7 @@ use crate::terrain::{Ground, Obstacle, ObstacleShape};
 use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
-const MIN_MASS: f64 = 1e-15;
+pub(crate) const MIN_MASS: f64 = 1e-15;
 /// Largest distance of a link from its parent, or of its centre of mass from its frame, m, and largest mass, kg:
 /// beyond them a file states millimetres or grams.
 const MAX_DISTANCE: f64 = 1000.0;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use serde::Serialize;
 
 use crate::model::{Model, Root};
-use crate::shown::shown;
+use crate::shown::{listed, shown};
 use crate::summary::symmetric;
 use crate::urdf::COLLISION_MESH;
 
@@ -112,11 +112,9 @@ impl Model {
         if links.is_empty() || !self.pairs.is_empty() {
             return None;
         }
-        let named = links.iter().take(NAMED_LINKS).copied().collect::<Vec<_>>().join(", ");
-        let more = links.len().saturating_sub(NAMED_LINKS);
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let named = listed(&links, NAMED_LINKS);
         Some(format!(
-            "the collision shapes of {named}{more} are meshes, and meshes do not collide here. Give each foot's link a ball \
+            "the collision shapes of {named} are meshes, and meshes do not collide here. Give each foot's link a ball \
              as well, where the foot is: <collision><origin xyz=\"0 0 -0.2\"/><geometry><sphere \
              radius=\"0.02\"/></geometry></collision>"
         ))

@@ -13,14 +13,12 @@ use crate::singles::{self, Singles};
 use crate::stance;
 use crate::torques::Drag;
 use crate::walk::Walk;
-use gaitfit_log::Estimate;
+use gaitfit_log::{BLOCK_S, Estimate};
 use gaitfit_model::Model;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Samples nearer than this are not independent, s.
-const BLOCK_S: f64 = 0.5;
 /// Fewer blocks say nothing of an error.
 const BLOCKS: usize = 8;
 

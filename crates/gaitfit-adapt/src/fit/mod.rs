@@ -32,7 +32,7 @@ pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one, simulate_rollout};
 pub use falls::{FallPenalty, max_falls_by_chance};
 pub use finalists::FinalComparison;
-pub use identification::{Identification, NoiseSource};
+pub use identification::{Identification, MAX_SHARE as MAX_IDENTIFIED_SHARE, NoiseSource};
 pub use identify::{MAX_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,

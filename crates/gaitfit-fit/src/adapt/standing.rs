@@ -7,6 +7,7 @@ use super::parameter::Parameter;
 use super::results::CostFit;
 use super::score::Score;
 use gaitfit_adapt::RobotNumber;
+use gaitfit_model::listed;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
@@ -207,7 +208,7 @@ pub(super) fn reconcile(fits: &mut [CostFit]) {
                  reach to both.",
                 first.cost_name,
                 other.cost_name,
-                listed(&apart)
+                listed(&apart, NAMED)
             );
             first.doubts.push(Doubt::new(DoubtKind::Disagreement, text));
         }
@@ -231,7 +232,7 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
         let text = format!(
             "The walks contradict the known values: {}. The simulator lacks something, or the known values are of \
              another robot. The intervals reach to both.",
-            listed(&far)
+            listed(&far, NAMED)
         );
         Doubt::new(DoubtKind::Disagreement, text)
     })
@@ -249,8 +250,10 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let mut reasons = Vec::new();
     if !stopped.is_empty() {
         let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
-        reasons
-            .push(format!("{} {rest} of the search: widen it, or fit further parameters.", listed(&stopped)));
+        reasons.push(format!(
+            "{} {rest} of the search: widen it, or fit further parameters.",
+            listed(&stopped, NAMED)
+        ));
     }
     if !empty.is_empty() {
         let (rest, exclude) = if empty.len() == 1 {
@@ -261,7 +264,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
         reasons.push(format!(
             "{} {rest} at 0 and {exclude} all else, which no real joint does: they stand for something that the \
              simulator lacks.",
-            listed(&empty)
+            listed(&empty, NAMED)
         ));
     }
     let kind = if stopped.is_empty() && remembers == Some(false) {
@@ -298,11 +301,6 @@ pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
             .map(|one| [one.lower, one.upper])
             .or(parameter.interval)
             .is_some_and(narrow)
-}
-
-fn listed(names: &[String]) -> String {
-    let shown = names[..names.len().min(NAMED)].join(", ");
-    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }
 
 #[cfg(test)]

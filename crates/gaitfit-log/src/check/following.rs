@@ -16,7 +16,7 @@ const IN_A_ROW: usize = 2;
 /// sags by 0.4.
 pub(super) const FAR: f64 = 0.6;
 /// Command norm (m/s and rad/s together) that asks for walking.
-const COMMANDED: f64 = 0.1;
+pub(super) const COMMANDED: f64 = 0.1;
 /// cos 60°: upright component of the base's z axis below which the robot fell.
 pub(super) const TILTED: f64 = 0.5;
 /// Time below it, s, that is a fall and not a stumble.

@@ -1,6 +1,6 @@
 //! Does the inertial unit agree with itself, with gravity, and with the legs?
 
-use super::following::runs;
+use super::following::{COMMANDED, runs};
 use super::stats::{decimals, short};
 use super::windows::{Window, windows};
 use super::{CheckSpec, Finding, FindingKind, Findings, Severity};
@@ -25,8 +25,6 @@ const STILL_RATE: f64 = 0.03;
 const STILL_TILT: f64 = 0.02;
 /// Deviation of a joint, rad, that swings a leg.
 const SWINGS: f64 = 0.05;
-/// Command norm (m/s and rad/s together) that asks for walking.
-const COMMANDED: f64 = 0.1;
 /// Length of the mean direction of gravity of a unit that is mounted turned: a robot that tumbles has less.
 const STEADY: f64 = 0.9;
 /// Cosine of the angle between that direction and an axis: 30°.

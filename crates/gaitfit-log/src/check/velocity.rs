@@ -112,7 +112,7 @@ fn scaled(
 /// Returns what a factor may come from, and what to do.
 fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> String {
     let near = |wanted: f64| one && (0.9..1.1).contains(&(factor / wanted));
-    let degrees = 180.0 / std::f64::consts::PI;
+    let degrees = 1f64.to_degrees();
     if near(degrees) {
         return "the velocities are in degrees per second, it seems: multiply them by π/180".to_owned();
     }

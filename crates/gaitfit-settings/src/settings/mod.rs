@@ -22,7 +22,7 @@ pub use load::{Configuration, load};
 pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MAX_DRIFT, MAX_SEED};
 pub use messages::OF_LOOPS;
 pub use messages::tamed;
-pub use target::{TargetConfig, TargetKind, check_torque_noise};
+pub use target::{PATIENCE, TargetConfig, TargetKind, check_torque_noise};
 pub use task::{Task, TaskName, load_task};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::TrainConfig;

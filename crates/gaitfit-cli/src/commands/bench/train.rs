@@ -103,10 +103,8 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
 
 /// Median over the iterations.
 pub fn median(iterations: &[Iteration], value: fn(&Iteration) -> f64) -> f64 {
-    let mut values: Vec<f64> = iterations.iter().map(value).collect();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
+    let values: Vec<f64> = iterations.iter().map(value).collect();
+    gaitfit_sim::stats::median(&values).unwrap_or_default()
 }
 
 /// Linux's high-water mark of resident memory.
