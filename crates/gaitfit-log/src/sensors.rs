@@ -1,8 +1,8 @@
 //! What logs say of their own sensors, without a robot: how late velocities are, what a gyro reads at rest, how coarse
 //! and noisy readings are; and logs without it.
 
-use crate::check::stats::{median, rms};
 use crate::estimate::{BLOCK_S, Estimate};
+use crate::stats::{median, rms};
 use crate::{Signal, Trajectory};
 use gaitfit_model::rotation::{Quat, Vec3, inverse, product, quat_of};
 use serde::{Deserialize, Serialize};

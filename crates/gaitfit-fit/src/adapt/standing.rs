@@ -1,10 +1,10 @@
 //! Whether a fit may be used: its doubts in one list, and how firmly it stands.
 
 use super::audit::Audit;
+use super::cost_result::CostFit;
 use super::held_out::HeldOut;
 use super::leftover::Leftover;
-use super::parameter::Parameter;
-use super::results::CostFit;
+use super::parameter::{APART, Parameter};
 use super::score::Score;
 use gaitfit_adapt::RobotNumber;
 use gaitfit_model::listed;
@@ -42,8 +42,6 @@ const REMEMBERS: f64 = 0.3;
 const ONE_JOINT: f64 = 3.0;
 /// Widening of an interval, as a factor less 1, for each root of the part of the variance that goes with motion.
 const WIDER: f64 = 10.0;
-/// Standard errors between a fit and what was known before that are a disagreement.
-pub(super) const APART: f64 = 3.0;
 /// An interval below this part of the bounds says that 0 was wanted, and not only allowed.
 const TIGHT: f64 = 0.05;
 /// Parameters that a doubt names.

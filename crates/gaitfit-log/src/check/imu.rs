@@ -1,11 +1,10 @@
 //! Does the inertial unit agree with itself, with gravity, and with the legs?
 
-use super::following::{COMMANDED, runs};
-use super::stats::{decimals, short};
-use super::windows::{Window, windows};
+use super::windows::{COMMANDED, Window, runs, windows};
 use super::{CheckSpec, Finding, FindingKind, Findings, Severity};
 use crate::imu_fit::{self, APART, FITS, Reading, Verdict};
 use crate::imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
+use crate::stats::{decimals, short};
 use crate::{BaseState, Trajectory};
 use gaitfit_model::rotation::{Vec3, from_rpy};
 
@@ -267,7 +266,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
         let change: f64 = pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum();
         change.sqrt()
     });
-    let walks = super::stats::rms(&log.velocity) > WALKS && sways.sum::<f64>() > SWAYS * log.duration();
+    let walks = crate::stats::rms(&log.velocity) > WALKS && sways.sum::<f64>() > SWAYS * log.duration();
     if length < STEADY || !walks {
         return false;
     }

@@ -1,10 +1,10 @@
 //! Is the velocity the derivative of the position, by the clock that the log has?
 
 use super::saturation::clipped;
-use super::stats::{range, short};
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
 use crate::scale::{SAME, SLOW_S, Scale, Scales, equal, typical_step};
+use crate::stats::{range, short};
 
 /// Below this correlation they are two different signals. A hip of a trotting robot sampled at 50 Hz reaches
 /// only 0.55: impacts fall between samples.

@@ -1,8 +1,8 @@
 //! The cause behind an effect of joints or ground: one function a kind, with the limits that it must pass and its sentence.
 
 use super::{Cause, CauseKind, matters};
-use crate::walk::swing::{Estimate, SwingFindings};
-use gaitfit_swing::{Effect, EffectKind};
+use gaitfit_log::Estimate;
+use gaitfit_swing::{Effect, EffectKind, SwingReport};
 
 /// Standard errors from which on a size is sure. Effects of joints are many, so theirs must be surer.
 const SURE: f64 = 4.0;
@@ -34,14 +34,15 @@ struct Named {
     text: String,
 }
 
-/// The cause that an effect shows; absent if it is not sure, explains little, is small, or has another reason.
-pub fn cause(effect: &Effect, findings: &SwingFindings) -> Option<Cause> {
+/// The cause that an effect shows; absent if it is not sure, explains little, is small, or has another reason. `swings`: estimates
+/// of joints from legs in the air.
+pub fn of_effect(effect: &Effect, swings: Option<&SwingReport>) -> Option<Cause> {
     let named = match effect.kind {
         EffectKind::LoadFriction => load_friction(effect),
         EffectKind::Elasticity => elasticity(effect),
         EffectKind::Backlash => play_of_stances(effect),
         EffectKind::Strength => play_of_swings(effect),
-        EffectKind::OddFriction => odd_friction(effect, findings),
+        EffectKind::OddFriction => odd_friction(effect, swings),
         EffectKind::OddSpring => odd_spring(effect),
         EffectKind::OddStrength => odd_strength(effect),
         EffectKind::UnevenGround => ground(effect),
@@ -50,6 +51,24 @@ pub fn cause(effect: &Effect, findings: &SwingFindings) -> Option<Cause> {
     let size = effect.beyond();
     let weight = size.value.abs() / matters;
     Some(Cause { kind, of: effect.of.clone(), size, unit: unit.to_owned(), weight, text })
+}
+
+/// The joint group whose twist under load `effects` show most surely, if they show any.
+pub fn twisting(effects: &[Effect], swings: Option<&SwingReport>) -> Option<String> {
+    let twists =
+        |effect: &&Effect| effect.kind == EffectKind::Elasticity && of_effect(effect, swings).is_some();
+    let surest = |a: &&Effect, b: &&Effect| a.sure().total_cmp(&b.sure());
+    effects.iter().filter(twists).max_by(surest).map(|effect| effect.of.clone())
+}
+
+/// Springs and strengths of single joints among the causes that `effects` show.
+pub fn singles<'a>(
+    effects: &'a [Effect],
+    swings: Option<&'a SwingReport>,
+) -> impl Iterator<Item = &'a Effect> {
+    let is_cause = move |effect: &&Effect| of_effect(effect, swings).is_some();
+    let is_single = |effect: &&Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
+    effects.iter().filter(is_single).filter(is_cause)
 }
 
 /// Whether `size` is above `min`, and the effect is surer than `sure` errors and explains more than `share`.
@@ -142,13 +161,12 @@ fn play_of_swings(effect: &Effect) -> Option<Named> {
     Some(Named { kind: CauseKind::Backlash, unit: "-", matters: matters::STRENGTH, text })
 }
 
-fn odd_friction(effect: &Effect, findings: &SwingFindings) -> Option<Named> {
+fn odd_friction(effect: &Effect, swings: Option<&SwingReport>) -> Option<Named> {
     let Estimate { value, error } = effect.beyond();
     if !joint_differs(effect, matters::FRICTION) {
         return None;
     }
-    let groups = &findings.swings.as_ref()?.groups;
-    let siblings = groups.iter().find(|group| group.joints.contains(&effect.of))?;
+    let siblings = swings?.groups.iter().find(|group| group.joints.contains(&effect.of))?;
     if value.abs() >= TOO_ODD * siblings.friction.value.max(matters::FRICTION) {
         return None;
     }
