@@ -2,7 +2,8 @@
 
 use super::evaluate::{Job, evaluate};
 use super::least_squares::{self, MAX_ENTRIES, Problem};
-use super::run::{Checkpoint, Run, Stop};
+use super::run::{Checkpoint, Run};
+use super::stop::Stop;
 use super::{CostOutcome, FallPenalty, FitError, Origin};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;

@@ -21,6 +21,7 @@ mod outcome;
 mod predicted;
 mod regression;
 mod run;
+mod stop;
 mod valley;
 mod views;
 
@@ -45,5 +46,6 @@ pub use predicted::Predicted;
 pub use regression::{
     Distributions, Drawn, Likeness, Logs, MAX_REGRESSED, MAX_TAKEN, Regression, Walks, regress,
 };
-pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};
+pub use run::{Checkpoint, SavedRun, SavedSearch};
+pub use stop::Stop;
 pub use views::{Costs, Views, measure};

@@ -7,6 +7,7 @@ mod attributes;
 mod bounds;
 mod chain;
 mod constant;
+mod decoded;
 mod external;
 mod fuse;
 mod graph;
@@ -90,7 +91,7 @@ pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Know
 }
 
 /// Numbers of the observation and of the action: of the layers, or as a graph of other operators states them.
-fn widths(model: &graph::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
+fn widths(model: &decoded::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
     match graph::walk(model) {
         Ok(chain) => Ok(chain.inputs().zip(chain.width()).map(|(inputs, outputs)| [inputs, outputs])),
         Err(error) => program::stated(model)?.map(Some).ok_or(error),

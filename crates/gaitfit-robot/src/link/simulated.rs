@@ -14,9 +14,9 @@ use crate::RobotError;
 use crate::command::Command;
 use crate::guard::Limits;
 use crate::per_motor::PerMotor;
+use crate::remote::Remote;
 use crate::robot::Robot;
 use crate::state::{Battery, Reading, RobotState, Seal};
-use crate::unitree::Remote;
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;

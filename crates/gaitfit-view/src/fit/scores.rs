@@ -2,8 +2,8 @@
 
 use super::{FitReport, Score, standing};
 use crate::chart::{extent, strip};
+use crate::fit::held_out;
 use crate::format::{UNKNOWN, clean, fixed, significant};
-use crate::loop_report::held_out;
 use serde::Serialize;
 
 /// Headline and score table.

@@ -79,7 +79,7 @@ fn names(parameters: &[Parameter], is_so: impl Fn(&Parameter) -> bool) -> Option
 mod tests {
     use super::*;
     use crate::fit::Fit;
-    use crate::loop_report::HeldOut;
+    use crate::fit::HeldOut;
 
     #[test]
     fn what_speaks_against_a_fit_is_named() {
