@@ -30,7 +30,7 @@ impl std::fmt::Display for Severity {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FindingKind {
-    /// The arrays do not fit together ([`Trajectory::validate`] says no); nothing else was checked.
+    /// The arrays do not fit together ([`crate::Trajectory::validate`] says no); nothing else was checked.
     Malformed,
     /// A joint of the robot is not in the log.
     MissingJoint,

@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use crate::model::{Model, Root};
 use crate::shown::{listed, shown};
-use crate::summary::symmetric;
 use crate::urdf::COLLISION_MESH;
 
 /// Max number of links that a message names.
@@ -186,6 +185,13 @@ fn plural(count: usize, kind: &str) -> String {
     let ending = kind.strip_suffix('y').map(|stem| format!("{stem}ies"));
     let plain = if ["sh", "x", "s"].iter().any(|end| kind.ends_with(end)) { "es" } else { "s" };
     format!("{count} {}", ending.unwrap_or_else(|| format!("{kind}{plain}")))
+}
+
+/// The bound of a torque range in the simulation, which clamps to both sides alike: the smaller of the two, or the larger
+/// one if the other side gives nothing.
+pub(crate) fn symmetric([low, high]: [f64; 2]) -> f64 {
+    let (down, up) = (-low, high);
+    if down > 0.0 && up > 0.0 { down.min(up) } else { down.max(up).max(0.0) }
 }
 
 #[cfg(test)]

@@ -2,8 +2,7 @@
 //! possible. Every change is listed.
 
 use crate::attributes::Context;
-use crate::compile::MIN_MASS;
-use crate::inertia::{Inertial, Solid, combine};
+use crate::inertia::{Inertial, MIN_MASS, Solid, combine};
 use crate::mesh::Measure;
 use crate::model::Shape;
 use crate::orientation::compose;

@@ -1,8 +1,9 @@
 //! One run of a fit, by CMA-ES or least squares, and the checkpoint of all.
 
-use super::driver::{FitOptions, RunGeneration};
 use super::fall_risk::FallRisk;
+use super::generation::RunGeneration;
 use super::least_squares::{GaussNewton, Stepped};
+use super::options::FitOptions;
 use super::stop::Stop;
 use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;

@@ -22,6 +22,7 @@ mod odd;
 mod opening;
 mod outliers;
 mod parameter;
+mod read_setup;
 mod replicas;
 #[cfg(feature = "report")]
 mod report;

@@ -25,6 +25,7 @@ mod recurrent;
 mod tests;
 mod write;
 mod write_memory;
+mod write_parts;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;

@@ -1,8 +1,15 @@
 //! Grounds of the first fit's values, in sentences: bounds, identification, and logs that were not fitted.
 
-use super::scores::Verdict;
 use super::{Bound, FitReport, Parameter};
 use crate::format::{clean, clean_prose};
+use serde::Serialize;
+
+/// A sentence of the verdict, and whether it is good news.
+#[derive(Serialize)]
+pub(super) struct Verdict {
+    pub text: String,
+    pub good: bool,
+}
 
 /// Parameters named in a sentence at most.
 const NAMED: usize = 5;
