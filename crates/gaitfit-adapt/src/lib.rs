@@ -13,7 +13,7 @@ pub use simulator::{
     Cancel, Consume, Identity, Resets, Rollout, SharedSimulator, Signals, Simulator, SimulatorError, never,
 };
 pub use theta::{
-    Defaults, Entry, Found, JointParameter, LinearSpring, Modification, NetworkName, NetworkRule,
-    NetworkStart, ParameterRule, Prior, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing,
-    Theta, ThetaError, ThetaFile, ThetaFileError,
+    Defaults, Entry, Found, JointParameter, LinearSpring, MAX_REASON, Modification, NETWORK_LAYERS,
+    NetworkName, NetworkRule, NetworkStart, ParameterRule, Prior, RobotNumber, RobotRule, Rules,
+    SavedNetwork, SavedParameter, Sharing, Theta, ThetaError, ThetaFile, ThetaFileError,
 };

@@ -271,10 +271,7 @@ fn theta(config: &AdaptConfig, names: &[String]) -> Result<Theta, Error> {
 
 /// Some names, and how many more there are.
 fn listed(names: &[String]) -> String {
-    let shown: Vec<String> = names.iter().take(LISTED).map(|name| shown(name)).collect();
-    let more = names.len().saturating_sub(LISTED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", shown.join(", "))
+    gaitfit_model::listed(names.iter().map(|name| shown(name)), LISTED)
 }
 
 /// Gains from the first of: the settings, the fit's configuration, the robot's task (with its source), and the

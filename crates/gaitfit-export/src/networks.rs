@@ -1,6 +1,6 @@
 //! Networks of joints as ONNX and as NumPy's arrays, with rest angle and scales inside.
 
-use gaitfit_adapt::{SavedNetwork, ThetaFile};
+use gaitfit_adapt::{NETWORK_LAYERS as LAYERS, SavedNetwork, ThetaFile};
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy_files::onnx;
 use gaitfit_settings::Error;
@@ -10,8 +10,6 @@ use zip::write::SimpleFileOptions;
 
 /// Loads networks.npz.
 const LOADER: &str = include_str!("networks.py");
-/// Layers of a network: inputs and outputs. Its weights lie layer by layer, `inputs × outputs` row-major, then biases.
-const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
 
 /// The files of the networks: one ONNX model each, all in one npz archive, and its loader. None without networks.
 pub(super) fn files(file: &ThetaFile) -> Result<Vec<(String, Vec<u8>)>, Error> {

@@ -5,7 +5,7 @@
 //! the logged angles (virtual work: the axis times the moment about it of every mass that the joint carries). A wrong joint
 //! or a wrong sign has a weight that does not fit.
 
-use gaitfit_log::{Finding, FindingKind, Severity, Signal, Trajectory};
+use gaitfit_log::{BLOCK_S, Finding, FindingKind, Severity, Signal, Trajectory};
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, dot};
@@ -23,8 +23,6 @@ const SLIDES: f64 = 0.05;
 /// Overshoot of limits, rad, and part of the samples beyond it, of columns that cannot be that joint's.
 const BEYOND: f64 = 0.2;
 const OFTEN: f64 = 0.02;
-/// Length of a block, s.
-const BLOCK_S: f64 = 0.5;
 
 /// Torques, N·m, of slides forces, N, that hold every joint's load up at the angles `q`, in the model's joint order; base level.
 fn holding(model: &Model, q: &[f64]) -> Vec<f64> {

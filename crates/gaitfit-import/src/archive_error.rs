@@ -1,7 +1,9 @@
 //! What can be wrong with NumPy's and PyTorch's files.
 
-use crate::torch::MAX_PICKLE;
 use gaitfit_model::shown;
+
+/// Largest pickle in the archive, bytes: it holds names and shapes, not numbers.
+pub(crate) const MAX_PICKLE: u64 = 64 << 20;
 
 /// What is wrong with an archive of arrays, or with an array.
 #[derive(Debug, thiserror::Error)]

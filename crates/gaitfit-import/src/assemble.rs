@@ -2,9 +2,11 @@
 
 use crate::ImportError;
 use crate::join::Joined;
-use crate::known::{COMMAND, GRAVITY, QUATERNION, RATES, ROLL_PITCH_YAW};
 use crate::mapping::Mapping;
 use crate::table::Source;
+use gaitfit_log::column_names::{
+    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, PROJECTED_GRAVITY, ROLL_PITCH_YAW,
+};
 use gaitfit_log::{
     BaseState, Finding, Gains, MotorColumns, Trajectory, fold, gains_of_columns, measured_rate,
     orientation_of_gravity, settle_angles, settle_imu,
@@ -12,9 +14,6 @@ use gaitfit_log::{
 use gaitfit_model::rotation::from_rpy;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
-
-const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
-const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
 
 /// Joined columns as matrices.
 struct Columns<'a> {
@@ -49,7 +48,7 @@ impl Columns<'_> {
 
     /// The base at the times `time`.
     fn base(&self, time: &[f64]) -> BaseState {
-        let quaternion = self.group(&QUATERNION).map(|mut values| {
+        let quaternion = self.group(&BASE_QUATERNION).map(|mut values| {
             // Blended quaternions are shorter.
             for quaternion in values.chunks_exact_mut(4) {
                 let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -64,9 +63,9 @@ impl Columns<'_> {
             let angles = self.group(&ROLL_PITCH_YAW)?;
             Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
         };
-        let rates = self.group(&RATES);
+        let rates = self.group(&BASE_RATES);
         let from_gravity = || {
-            let gravity = self.group(&GRAVITY)?;
+            let gravity = self.group(&PROJECTED_GRAVITY)?;
             Some(orientation_of_gravity(time, &gravity, rates.as_deref()))
         };
         BaseState {
@@ -140,7 +139,7 @@ pub(crate) fn trajectory(
     noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
     noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
     let command = all.group(&COMMAND);
-    let has_quaternion = QUATERNION.iter().all(|name| columns.contains_key(*name));
+    let has_quaternion = BASE_QUATERNION.iter().all(|name| columns.contains_key(*name));
     // Angles are needed again only if the orientation was made of them: their order or unit may be wrong.
     let angles = all.group(&ROLL_PITCH_YAW).filter(|_| !has_quaternion && mapping.imu.mounting.is_none());
     let velocities: Vec<&String> = sources.iter().flat_map(|source| &source.velocity_joints).collect();

@@ -1,41 +1,7 @@
 //! How much memory an import may take: a hostile file must not name its own size.
 
+use crate::budget_error::{BudgetError, UnpackError};
 use crate::problem::Problem;
-
-/// A file needs more memory than the caller allows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum BudgetError {
-    /// Numbers beyond [`crate::Options::max_values`].
-    #[error("more than {limit} numbers; cut the recording, or raise `max_values`")]
-    Values {
-        /// Number that is allowed.
-        limit: usize,
-    },
-    /// Bytes beyond four times [`crate::Options::max_bytes`].
-    #[error("more than {limit} bytes when unpacked; cut the recording, or raise `max_bytes`")]
-    Bytes {
-        /// Number that is allowed.
-        limit: usize,
-    },
-}
-
-/// A packed part of a file is damaged.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum UnpackError {
-    /// It ends early, or its content does not fit.
-    #[error("{packer}: {source}; the file is damaged")]
-    Damaged {
-        /// Name of the packing.
-        packer: &'static str,
-        /// Fault that the unpacker names.
-        source: std::io::Error,
-    },
-    /// A Zstandard frame that does not begin as one.
-    #[error("zstd: {0}")]
-    NoFrame(String),
-}
 
 /// Values and bytes that may still be made.
 #[derive(Debug)]

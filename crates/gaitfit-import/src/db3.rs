@@ -3,7 +3,8 @@
 use crate::budget::{Budget, unzstd};
 use crate::problem::Problem;
 use crate::ros::{Channel, Messages};
-use crate::sqlite::{Database, SqliteError, TableInfo, needed};
+use crate::sqlite::{Database, TableInfo, needed};
+use crate::sqlite_error::SqliteError;
 use std::collections::HashMap;
 use std::rc::Rc;
 

@@ -2,11 +2,8 @@
 
 use crate::problem::Problem;
 use gaitfit_log::LogError;
-use gaitfit_model::{escaped, shown, shown_number, shown_path};
+use gaitfit_model::{shown, shown_number, shown_path, shown_sentence};
 use std::path::PathBuf;
-
-/// Max number of characters of a sentence in a message.
-const SENTENCE: usize = 2000;
 
 /// Failure to import a log.
 #[derive(Debug, thiserror::Error)]
@@ -46,7 +43,7 @@ pub enum ImportError {
         path: PathBuf,
     },
     /// A kind of file that is recognised and not read.
-    #[error("{}: {what} is not read here; {}", shown_path(.path), escaped(remedy, SENTENCE))]
+    #[error("{}: {what} is not read here; {}", shown_path(.path), shown_sentence(remedy))]
     Refused {
         /// The file.
         path: PathBuf,
@@ -56,7 +53,7 @@ pub enum ImportError {
         remedy: String,
     },
     /// The file's content does not fit its kind.
-    #[error("{}: {kind}: {}", shown_path(.path), escaped(&problem.to_string(), SENTENCE))]
+    #[error("{}: {kind}: {}", shown_path(.path), shown_sentence(&problem.to_string()))]
     Content {
         /// The file.
         path: PathBuf,
@@ -66,7 +63,7 @@ pub enum ImportError {
         problem: Problem,
     },
     /// The mapping says something that the file does not have, or that cannot be.
-    #[error("mapping: {}", escaped(problem, SENTENCE))]
+    #[error("mapping: {}", shown_sentence(problem))]
     Mapping {
         /// What, and what to do.
         problem: String,
@@ -75,7 +72,7 @@ pub enum ImportError {
     #[error(
         "no joint positions were recognised; found {}; say which are positions with `[columns] position = ...` in a \
          mapping file",
-        escaped(found, SENTENCE)
+        shown_sentence(found)
     )]
     NoPositions {
         /// The streams and columns that there are.
@@ -124,7 +121,7 @@ pub enum ImportError {
     #[error(
         "nothing is called `{}`, which `--take` or `streams.take` names; there is {}",
         shown(wanted),
-        escaped(found, SENTENCE)
+        shown_sentence(found)
     )]
     NoSuchStream {
         /// The name asked for.
@@ -171,7 +168,7 @@ pub enum ImportError {
         times: String,
     },
     /// A stream's clock cannot be used.
-    #[error("{}: {}", shown(stream), escaped(problem, SENTENCE))]
+    #[error("{}: {}", shown(stream), shown_sentence(problem))]
     Clock {
         /// The stream.
         stream: String,

@@ -2,10 +2,10 @@
 
 use crate::ImportError;
 use crate::clock::typical;
-use crate::known::COMMAND;
 use crate::lead::{Placed, SAME, place};
 use crate::table::Table;
 use gaitfit_log::Lead;
+use gaitfit_log::column_names::COMMAND;
 use indexmap::IndexMap;
 
 /// Joined columns.

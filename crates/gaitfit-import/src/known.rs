@@ -4,6 +4,10 @@
 //! `act_<joint>`, `vx_cmd`, `base_quat_w`, `roll`, `wx` and so on. A joint without a name is `#3` where the file numbers
 //! joints, and `#m3` where it numbers the motors of a Unitree robot.
 
+use gaitfit_log::column_names::{
+    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, PROJECTED_GRAVITY, ROLL_PITCH_YAW,
+};
+
 /// Motors of Unitree's Go2 and B2 (unitree_go) in the order of LowState and LowCmd.
 pub(crate) const UNITREE_GO: [&str; 12] = [
     "FR_hip", "FR_thigh", "FR_calf", "FL_hip", "FL_thigh", "FL_calf", "RR_hip", "RR_thigh", "RR_calf",
@@ -95,13 +99,13 @@ impl Role {
             Role::TargetVelocity => joints("dqdes_"),
             Role::FeedForward => joints("tauff_"),
             Role::Observation => joints("obs_"),
-            Role::Gravity if width == 3 => fixed(&GRAVITY),
+            Role::Gravity if width == 3 => fixed(&PROJECTED_GRAVITY),
             Role::Command => fixed(&COMMAND),
             Role::CommandXy => fixed(&COMMAND[..2]),
             Role::CommandYaw => fixed(&COMMAND[2..]),
-            Role::Quaternion if width == 4 => fixed(&QUATERNION),
+            Role::Quaternion if width == 4 => fixed(&BASE_QUATERNION),
             Role::RollPitchYaw if width == 3 => fixed(&ROLL_PITCH_YAW),
-            Role::AngularVelocity if width == 3 => fixed(&RATES),
+            Role::AngularVelocity if width == 3 => fixed(&BASE_RATES),
             Role::Time
             | Role::JointNames
             | Role::Quaternion
@@ -128,16 +132,7 @@ impl Role {
     }
 }
 
-pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
-pub(crate) const QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
-pub(crate) const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
-pub(crate) const RATES: [&str; 3] = ["wx", "wy", "wz"];
-pub(crate) const GRAVITY: [&str; 3] = ["projected_gravity_x", "projected_gravity_y", "projected_gravity_z"];
-const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
-const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
-
-/// Meaning of an array called `name`, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and
-/// their like use.
+/// What an array called `name` holds, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and their like use.
 pub(crate) fn role(name: &str) -> Option<Role> {
     let name = name.rsplit(['/', '.']).next().unwrap_or(name).to_lowercase();
     Some(match name.as_str() {
@@ -198,15 +193,15 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
         [.., "motor_cmd", i, "tau"] => number(i).map(|i| format!("tauff_#m{i}")),
         [.., "motor_cmd", i, "kp"] => number(i).map(|i| format!("kp_#m{i}")),
         [.., "motor_cmd", i, "kd"] => number(i).map(|i| format!("kd_#m{i}")),
-        [.., "imu_state", "quaternion", i] => QUATERNION.get(number(i)?).map(|n| n.to_string()),
-        [.., "imu_state", "gyroscope", i] => RATES.get(number(i)?).map(|n| n.to_string()),
+        [.., "imu_state", "quaternion", i] => BASE_QUATERNION.get(number(i)?).map(|n| n.to_string()),
+        [.., "imu_state", "gyroscope", i] => BASE_RATES.get(number(i)?).map(|n| n.to_string()),
         [topic @ .., "orientation", axis] if is_imu(topic) => {
             let place = ["w", "x", "y", "z"].iter().position(|name| name == axis)?;
-            Some(QUATERNION[place].to_owned())
+            Some(BASE_QUATERNION[place].to_owned())
         }
         [topic @ .., "angular_velocity", axis] if is_imu(topic) => {
             let place = ["x", "y", "z"].iter().position(|name| name == axis)?;
-            Some(RATES[place].to_owned())
+            Some(BASE_RATES[place].to_owned())
         }
         // PlotJuggler names the parts of a JointState so: topic, joint, quantity.
         [topic @ .., joint, "position"] if !topic.is_empty() && number(joint).is_none() => {
@@ -238,8 +233,8 @@ fn element(role: Role, i: &str) -> Option<String> {
     let names = match role {
         Role::Command => &COMMAND,
         Role::RollPitchYaw => &ROLL_PITCH_YAW,
-        Role::AngularVelocity => &RATES,
-        Role::Gravity => &GRAVITY,
+        Role::AngularVelocity => &BASE_RATES,
+        Role::Gravity => &PROJECTED_GRAVITY,
         _ => return None,
     };
     let axis = match (role, i) {
@@ -261,7 +256,8 @@ pub(crate) const PER_JOINT: [&str; 9] = ["q", "dq", "qdes", "act", "kp", "kd", "
 
 /// Names that are called so here already. A joint `q_3` is a number.
 fn known_name(name: &str) -> Option<String> {
-    let fixed = [&COMMAND[..], &QUATERNION, &ROLL_PITCH_YAW, &RATES, &BASE_POSITION, &BASE_VELOCITY];
+    let fixed =
+        [&COMMAND[..], &BASE_QUATERNION, &ROLL_PITCH_YAW, &BASE_RATES, &BASE_POSITION, &BASE_VELOCITY];
     if fixed.iter().any(|names| names.contains(&name)) {
         return Some(name.to_owned());
     }
@@ -269,7 +265,7 @@ fn known_name(name: &str) -> Option<String> {
         return Some(COMMAND[axis].to_owned());
     }
     if let Some(axis) = gaitfit_log::gravity_axis(name) {
-        return Some(GRAVITY[axis].to_owned());
+        return Some(PROJECTED_GRAVITY[axis].to_owned());
     }
     let marked = |name: &str| name.split_once("_#").is_some_and(|(prefix, _)| PER_JOINT.contains(&prefix));
     if marked(name) {

@@ -34,6 +34,7 @@ mod arrow;
 mod assemble;
 mod bag;
 mod budget;
+mod budget_error;
 mod clock;
 #[cfg(feature = "all-formats")]
 mod columnar;
@@ -49,6 +50,7 @@ mod known;
 mod lead;
 mod mapping;
 mod mcap;
+mod mcap_error;
 mod mcap_write;
 mod npz;
 mod observation;
@@ -60,6 +62,7 @@ mod problem;
 mod resolve;
 mod ros;
 mod sqlite;
+mod sqlite_error;
 mod table;
 mod table_error;
 mod text;
@@ -69,7 +72,7 @@ mod zeros;
 
 pub use archive_error::{ArchiveError, ArrayProblem};
 pub use bag::Bag;
-pub use budget::{BudgetError, UnpackError};
+pub use budget_error::{BudgetError, UnpackError};
 pub use clock::{ClockFinding, StreamReport};
 pub use columnar_error::ColumnarError;
 pub use error::ImportError;
@@ -77,12 +80,12 @@ pub use mapping::{
     AngleUnit, ColumnNames, MAX_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
     UnitName,
 };
-pub use mcap::McapError;
+pub use mcap_error::McapError;
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 pub use pickle::PickleError;
 pub use problem::Problem;
 pub use ros::{MessageError, is_known, known_types};
-pub use sqlite::SqliteError;
+pub use sqlite_error::SqliteError;
 pub use table_error::TableError;
 
 use gaitfit_log::{Finding, Lead, Trajectory};

@@ -111,7 +111,7 @@ impl AngleUnit {
     pub(crate) fn radians(self) -> f64 {
         match self {
             AngleUnit::Radians => 1.0,
-            AngleUnit::Degrees => std::f64::consts::PI / 180.0,
+            AngleUnit::Degrees => 1f64.to_radians(),
         }
     }
 }

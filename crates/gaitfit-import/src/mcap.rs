@@ -1,34 +1,16 @@
 //! MCAP files. The crate `mcap` reads records; chunks are unpacked here, by decoders in Rust.
 
 use crate::budget::{Budget, unlz4, unzstd};
+use crate::mcap_error::McapError;
 use crate::mcap_write::METADATA;
 use crate::problem::Problem;
 use crate::ros::{Channel, Messages};
-use gaitfit_model::shown;
 use mcap::records::{Record, op};
 use std::collections::HashMap;
 use std::rc::Rc;
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-
-/// What is wrong with an MCAP file.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum McapError {
-    /// Other first bytes.
-    #[error("it does not begin as MCAP files do")]
-    NotMcap,
-    /// Chunks that are packed by another program.
-    #[error("chunks packed by `{}`; zstd and lz4 are read", shown(.0))]
-    Packer(String),
-    /// A record states a length that it does not have.
-    #[error("a record is damaged: a text in it is longer than the record")]
-    TextBeyond,
-    /// A record that cannot be read.
-    #[error("a record is damaged: {0}")]
-    Damaged(String),
-}
 
 /// Schemas and channels seen so far.
 #[derive(Default)]

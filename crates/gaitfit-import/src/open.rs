@@ -11,6 +11,7 @@ use crate::table::Source;
 use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
 #[cfg(feature = "all-formats")]
 use crate::{arrow, hdf5, parquet};
+use gaitfit_log::column_names::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND};
 use gaitfit_log::{ReadOptions, read_csv_report, stated};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -264,12 +265,12 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     add(named("dq_"), Some(&log.velocity));
     add(named("qdes_"), log.target.as_ref());
     add(named("act_"), log.action.as_ref());
-    add(fixed(&["vx_cmd", "vy_cmd", "wz_cmd"]), log.command.as_ref());
+    add(fixed(&COMMAND), log.command.as_ref());
     let base = log.base.clone().unwrap_or_default();
-    add(fixed(&["base_pos_x", "base_pos_y", "base_pos_z"]), base.position.as_ref());
-    add(fixed(&["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"]), base.quaternion.as_ref());
-    add(fixed(&["base_vel_x", "base_vel_y", "base_vel_z"]), base.linear_velocity.as_ref());
-    add(fixed(&["wx", "wy", "wz"]), base.angular_velocity.as_ref());
+    add(fixed(&BASE_POSITION), base.position.as_ref());
+    add(fixed(&BASE_QUATERNION), base.quaternion.as_ref());
+    add(fixed(&BASE_VELOCITY), base.linear_velocity.as_ref());
+    add(fixed(&BASE_RATES), base.angular_velocity.as_ref());
     source.noticed = report.noticed;
     source.robot = log.robot.clone();
     source.fell = log.fell;

@@ -1,12 +1,12 @@
 //! What can be wrong with a file's content.
 
 use crate::archive_error::ArchiveError;
-use crate::budget::{BudgetError, UnpackError};
+use crate::budget_error::{BudgetError, UnpackError};
 use crate::columnar_error::ColumnarError;
-use crate::mcap::McapError;
+use crate::mcap_error::McapError;
 use crate::pickle::PickleError;
 use crate::ros::MessageError;
-use crate::sqlite::SqliteError;
+use crate::sqlite_error::SqliteError;
 use crate::table_error::TableError;
 
 /// What is wrong with a file's content, and what to do.

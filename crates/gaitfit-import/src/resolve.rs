@@ -2,12 +2,13 @@
 
 use crate::ImportError;
 use crate::arrays::named;
-use crate::known::{PER_JOINT, QUATERNION, RATES, ROLL_PITCH_YAW, Role, UNITREE_GO, UNITREE_HG, canonical};
+use crate::known::{PER_JOINT, Role, UNITREE_GO, UNITREE_HG, canonical};
 use crate::mapping::{Mapping, Names};
 use crate::observation;
 use crate::table::{Source, Table};
+use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, ROLL_PITCH_YAW};
 use gaitfit_log::{TimeUnit, recognise_time_unit};
-use gaitfit_model::shown;
+use gaitfit_model::{listed, shown};
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
 
@@ -66,10 +67,8 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
         table.columns = columns;
     }
     if !unknown.is_empty() {
-        let some: Vec<String> = unknown.iter().take(12).map(|name| shown(name)).collect();
-        let more = unknown.len().saturating_sub(some.len());
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        source.left_out.push(format!("columns of no known name: {}{more}", some.join(", ")));
+        let names = listed(unknown.iter().map(|name| shown(name)), 12);
+        source.left_out.push(format!("columns of no known name: {names}"));
     }
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
@@ -176,7 +175,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
                     return refuse(format!(
                         "no column fits `{}`; the file has {}",
                         shown(pattern),
-                        listed(&present)
+                        first_names(&present)
                     ));
                 }
             }
@@ -185,7 +184,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
     Ok(out)
 }
 
-fn listed(names: &[&String]) -> String {
+fn first_names(names: &[&String]) -> String {
     names.iter().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ")
 }
 
@@ -352,14 +351,14 @@ fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Resu
 pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
     for table in &mut source.tables {
         for (name, values) in &mut table.columns {
-            let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || RATES.contains(&name.as_str());
+            let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || BASE_RATES.contains(&name.as_str());
             let is_joint = ["q_", "dq_", "qdes_", "dqdes_"].iter().any(|prefix| name.starts_with(prefix));
             let factor = match (is_joint, is_imu) {
                 (true, _) => mapping.unit.radians(),
                 (_, true) => mapping.imu_unit.radians(),
                 _ => 1.0,
             };
-            if factor != 1.0 && !QUATERNION.contains(&name.as_str()) {
+            if factor != 1.0 && !BASE_QUATERNION.contains(&name.as_str()) {
                 values.iter_mut().for_each(|value| *value *= factor);
             }
         }

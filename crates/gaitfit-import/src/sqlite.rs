@@ -2,25 +2,7 @@
 //! db3 are such files. This reads whole tables row by row, which is all that bags need; there is no SQL.
 
 use crate::problem::Problem;
-use gaitfit_model::shown;
-
-/// Fault of a database.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SqliteError {
-    /// Pages, rows or cells that do not fit together.
-    #[error("the database is damaged or cut short; `ros2 bag reindex` may mend it")]
-    Damaged,
-    /// Another encoding than bags have.
-    #[error("its text is UTF-16; bags have UTF-8")]
-    Utf16,
-    /// A database of something else.
-    #[error("no table `{}`: an SQLite file, but no ROS 2 bag", shown(.0))]
-    NoTable(String),
-    /// A table of something else.
-    #[error("its table has no column `{0}`: no ROS 2 bag")]
-    NoColumn(&'static str),
-}
+use crate::sqlite_error::SqliteError;
 
 /// The first bytes of a file.
 pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";

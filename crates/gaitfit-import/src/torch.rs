@@ -1,6 +1,6 @@
 //! PyTorch's files (`torch.save`), such as PACE's recordings: a zip archive of a pickle and raw numbers.
 
-use crate::archive_error::ArchiveError;
+use crate::archive_error::{ArchiveError, MAX_PICKLE};
 use crate::arrays::Arrays;
 use crate::budget::{Budget, read_all};
 use crate::npz::MAX_ENTRIES;
@@ -10,9 +10,6 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::rc::Rc;
 use zip::ZipArchive;
-
-/// Largest pickle in the archive, bytes: it holds names and shapes, not numbers.
-pub(crate) const MAX_PICKLE: u64 = 64 << 20;
 
 /// Whether a zip archive is one of PyTorch.
 pub(crate) fn is_torch(bytes: &[u8]) -> bool {

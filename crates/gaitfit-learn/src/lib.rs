@@ -11,6 +11,7 @@ mod exchange;
 mod player;
 pub mod ppo;
 mod rollout;
+mod subject;
 pub mod task;
 mod tiles;
 mod training;

@@ -1,6 +1,6 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::evaluate::Subject;
+use crate::subject::Subject;
 use crate::task::{Ended, Environment, TaskError};
 use gaitfit_policy::network::{Memory, Scratch};
 use gaitfit_policy::walker::WalkerError;

@@ -1,15 +1,15 @@
 //! Makes a trajectory of columns, samples and metadata.
 
 use crate::attitude::orientation_of_gravity;
-use crate::check::stats::{median, short};
-use crate::check::{CheckSpec, FallSign, Finding, FindingKind, Severity, falls, settle_angles, settle_imu};
+use crate::check::{CheckSpec, FallSign, falls, settle_angles, settle_imu};
 use crate::columns::Layout;
+use crate::finding::{Finding, FindingKind, Severity};
 use crate::metadata::Metadata;
 use crate::motor::{self, MotorColumns};
-use crate::read::Samples;
 use crate::scale::shared_factor;
 use crate::spacing::spacing;
 use crate::stamps::{EvenRows, Stamps, look, rate_of_velocities};
+use crate::stats::{median, short};
 use crate::time_unit::recognise;
 use crate::{
     BaseState, ConvertedTime, Gains, IgnoredColumn, Lead, LogError, ReadReport, TimeUnit, Trajectory,
@@ -17,6 +17,12 @@ use crate::{
 use gaitfit_model::rotation::from_rpy;
 use gaitfit_model::{shown_number, shown_path};
 use std::path::Path;
+
+/// Sample arrays, one a channel in the order of the reader's channels.
+pub(crate) struct Samples {
+    pub time: Vec<f64>,
+    pub channels: Vec<Vec<f64>>,
+}
 
 /// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
 /// `every`: one row of so many was taken.

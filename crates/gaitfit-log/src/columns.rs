@@ -1,18 +1,14 @@
 //! Meaning of each column of a header: the table in the crate's documentation, as code.
 
+use crate::column_names::{
+    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION, ROLL_PITCH_YAW,
+};
 use crate::{IgnoredColumn, LogError, TimeUnit};
 use gaitfit_model::shown;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
 const COMMAND_ALIAS: [&str; 3] = ["cmd_vx", "cmd_vy", "cmd_wz"];
-pub(crate) const MOTION: [&str; 2] = ["motion_time", "motion_heading"];
-pub(crate) const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
-pub(crate) const BASE_QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
-const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
-pub(crate) const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
-pub(crate) const BASE_RATES: [&str; 3] = ["wx", "wy", "wz"];
 /// Names of a gravity vector in the base's frame, without `_x` or `_0`.
 const GRAVITY: [&str; 9] = [
     "projected_gravity",

@@ -1,10 +1,7 @@
 //! What can go wrong with a log file or a trajectory, each with its place and remedy.
 
-use gaitfit_model::{escaped, shown, shown_path};
+use gaitfit_model::{shown, shown_path, shown_sentence};
 use std::path::PathBuf;
-
-/// Max number of characters of a sentence in a message.
-const SENTENCE: usize = 2000;
 
 /// Failure to read, write or transform a log. Lines and columns count from 1; a column is a CSV cell, not a
 /// character.
@@ -130,7 +127,7 @@ pub enum LogError {
     #[error("stopped before all logs were read; start again to read them")]
     Stopped,
     /// The header lacks a column.
-    #[error("{}:{line}: no column `{}`; {}", shown_path(.path), shown(name), escaped(remedy, SENTENCE))]
+    #[error("{}:{line}: no column `{}`; {}", shown_path(.path), shown(name), shown_sentence(remedy))]
     MissingColumn {
         /// The file.
         path: PathBuf,
@@ -190,7 +187,7 @@ pub enum LogError {
         problem: &'static str,
     },
     /// Gains, rate or robot name as stated in the header comments, the sidecar or the options.
-    #[error("{}: {}", escaped(place, SENTENCE), escaped(problem, SENTENCE))]
+    #[error("{}: {}", shown_sentence(place), shown_sentence(problem))]
     Metadata {
         /// File and line, or `read options`.
         place: String,
@@ -198,7 +195,7 @@ pub enum LogError {
         problem: String,
     },
     /// A trajectory whose arrays do not fit together.
-    #[error("{}: {}", shown(what), escaped(problem, SENTENCE))]
+    #[error("{}: {}", shown(what), shown_sentence(problem))]
     Shape {
         /// The field.
         what: String,
@@ -206,7 +203,7 @@ pub enum LogError {
         problem: String,
     },
     /// A joint that the log does not have.
-    #[error("the log has no joint `{}`; its joints are {}", shown(name), escaped(available, SENTENCE))]
+    #[error("the log has no joint `{}`; its joints are {}", shown(name), shown_sentence(available))]
     NoSuchJoint {
         /// The name asked for.
         name: String,
@@ -214,7 +211,7 @@ pub enum LogError {
         available: String,
     },
     /// A slice, rate or order that the trajectory cannot give.
-    #[error("{what}: {}", escaped(problem, SENTENCE))]
+    #[error("{what}: {}", shown_sentence(problem))]
     Range {
         /// The argument.
         what: &'static str,

@@ -101,7 +101,7 @@ struct Moments {
 
 impl Moments {
     fn unexplained(&self, reading: &Reading) -> f64 {
-        let mut scale = if reading.unit == RateUnit::Degrees { std::f64::consts::PI / 180.0 } else { 1.0 };
+        let mut scale = reading.unit.radians();
         if reading.negated {
             scale = -scale;
         }

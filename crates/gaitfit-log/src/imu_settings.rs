@@ -40,6 +40,16 @@ pub enum RateUnit {
     Degrees,
 }
 
+impl RateUnit {
+    /// rad/s in one unit.
+    pub(crate) fn radians(self) -> f64 {
+        match self {
+            Self::Radians => 1.0,
+            Self::Degrees => 1f64.to_radians(),
+        }
+    }
+}
+
 /// How an inertial unit's columns are to be read. A key that is absent is judged by the data.
 ///
 /// In a log's sidecar file it is the table `[imu]`, above a header `# imu.frame = "world"` and so on.
@@ -84,8 +94,7 @@ impl ImuSettings {
         {
             quaternion.chunks_exact_mut(4).for_each(|q| q.rotate_right(1));
         }
-        let mut factor =
-            if self.unit == Some(RateUnit::Degrees) { std::f64::consts::PI / 180.0 } else { 1.0 };
+        let mut factor = self.unit.unwrap_or_default().radians();
         if self.negated == Some(true) {
             factor = -factor;
         }

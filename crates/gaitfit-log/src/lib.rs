@@ -39,9 +39,12 @@
 mod assemble;
 mod attitude;
 mod check;
+pub mod column_names;
 mod columns;
 mod error;
+mod estimate;
 mod files;
+mod finding;
 mod folder;
 mod imu;
 mod imu_fit;
@@ -53,6 +56,7 @@ mod motor;
 mod names;
 mod ops;
 mod read;
+mod read_report;
 mod regular;
 pub mod regular_file;
 mod resample;
@@ -60,6 +64,7 @@ mod scale;
 mod sensors;
 mod spacing;
 mod stamps;
+mod stats;
 mod summary;
 mod time_unit;
 mod trajectory;
@@ -68,21 +73,21 @@ mod write;
 
 pub use assemble::measured_rate;
 pub use attitude::orientation_of_gravity;
-pub use check::{
-    CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, VelocityLag, allow, check, falls,
-    settle_angles, settle_imu, zero_rows,
-};
+pub use check::{CheckSpec, Fall, FallSign, VelocityLag, check, falls, settle_angles, settle_imu, zero_rows};
 pub use columns::gravity_axis;
 pub use error::LogError;
+pub use estimate::{BLOCK_S, Estimate, MEDIAN_TO_DEVIATION};
 pub use files::{check_entry, csv_files};
+pub use finding::{Finding, FindingKind, Severity, Span, allow};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
 pub use imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
 pub use metadata::{PerJoint, Stated, stated};
 pub use motor::{MotorColumns, fold, gains as gains_of_columns};
 pub use ops::Signal;
-pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
+pub use read::{ReadOptions, read_csv, read_csv_report};
+pub use read_report::{Hole, IgnoredColumn, ReadReport};
 pub use regular::Regular;
-pub use sensors::{Estimate, Sensors, gyro_bias, velocity_lag};
+pub use sensors::{Sensors, gyro_bias, velocity_lag};
 pub use spacing::{Lost, Spacing, spacing};
 pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};

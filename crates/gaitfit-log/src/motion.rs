@@ -32,7 +32,7 @@ pub(crate) fn runs_wrongly(time: &[f64], motion: &[f64]) -> Option<String> {
         .map(|row| (motion[2 * row] - motion[2 * row - 2]) / (time[row] - time[row - 1]))
         .filter(|speed| speed.is_finite())
         .collect();
-    let speed = crate::check::stats::median(&mut speeds)?;
+    let speed = crate::stats::median(&mut speeds)?;
     let what = match speed {
         _ if (speed - 1.0).abs() <= SPEED_ERROR => return None,
         0.0 => "stands still".to_owned(),

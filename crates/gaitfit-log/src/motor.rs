@@ -4,7 +4,7 @@
 //! torque of the position target q_des + (kd dq_des + τ_ff) / kp alone, which a log's target becomes.
 
 use crate::Gains;
-use crate::check::{Finding, FindingKind, Severity, Span};
+use crate::finding::{Finding, FindingKind, Severity, Span};
 use crate::names::names;
 use gaitfit_model::{shown, shown_number};
 

@@ -1,14 +1,13 @@
 //! The CSV reader. Bounded memory, no panic on any input; every refusal names file, line, column and remedy.
 
-use crate::assemble::assemble;
+use crate::assemble::{Samples, assemble};
 use crate::columns::{Layout, layout};
 use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{ConvertedTime, EvenRows, Finding, FindingKind, LogError, PerJoint, Trajectory, motion};
+use crate::{Hole, LogError, PerJoint, ReadReport, Trajectory, motion};
 use gaitfit_model::shown_path;
-use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What the caller knows about a log, stronger than anything the files say, and the reader's limits.
 #[derive(Clone, Debug)]
@@ -48,58 +47,6 @@ impl Default for ReadOptions {
             every: 1,
         }
     }
-}
-
-/// A column that the reader left out.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct IgnoredColumn {
-    /// Its number in the file, from 1.
-    pub column: usize,
-    /// Its name.
-    pub name: String,
-    /// Why.
-    pub reason: String,
-}
-
-/// Columns and rows that reading left out or changed, and sources of what is stated.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct ReadReport {
-    /// Columns left out, in file order.
-    pub ignored: Vec<IgnoredColumn>,
-    /// Keys of header comments that mean nothing here.
-    pub unknown_keys: Vec<String>,
-    /// Sidecar files used.
-    pub sidecars: Vec<PathBuf>,
-    /// Where the gains were stated.
-    pub gains_from: Option<String>,
-    /// Where the sample rate was stated; absent: measured from `time`.
-    pub rate_from: Option<String>,
-    /// The time column's unit, where it was not seconds. The trajectory has seconds.
-    pub converted_time: Option<ConvertedTime>,
-    /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub even_rows: Option<EvenRows>,
-    /// Findings of the reader: columns that it changed or could not use.
-    #[serde(skip)]
-    pub noticed: Vec<Finding>,
-    /// Whether roll, pitch and yaw were in degrees. The trajectory's orientation is made of them as such.
-    pub angles_in_degrees: bool,
-    /// Findings that the log's own settings allow.
-    pub allowed: Vec<FindingKind>,
-    /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub imu_hole: Option<Hole>,
-}
-
-/// A cell without a number.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Hole {
-    /// The row's line, from 1.
-    pub line: u64,
-    /// The cell's column, from 1.
-    pub column: usize,
-    /// The column's name.
-    pub name: String,
 }
 
 /// Reads a log. See [`read_csv_report`] for what it leaves out.
@@ -181,12 +128,6 @@ fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<
             problem: error.to_string(),
         }),
     }
-}
-
-/// Sample arrays, one a channel in the order of [`channels`].
-pub(crate) struct Samples {
-    pub time: Vec<f64>,
-    pub channels: Vec<Vec<f64>>,
 }
 
 /// Where a channel's cells are, whether they may be empty, and which of a row's cannot be.

@@ -5,7 +5,7 @@
 //! The true factor lies between them, up to twice the standard error of the slope. Spans of 0.2 s average out what
 //! happens between two samples.
 
-use crate::check::stats::{self, deviation, median};
+use crate::stats::{self, deviation, median};
 
 /// Length of a span, s.
 const SPAN_S: f64 = 0.2;

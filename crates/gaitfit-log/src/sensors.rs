@@ -1,51 +1,21 @@
 //! What logs say of their own sensors, without a robot: how late velocities are, what a gyro reads at rest, how coarse
 //! and noisy readings are; and logs without it.
 
-use crate::check::stats::{median, rms};
+use crate::estimate::{BLOCK_S, Estimate};
+use crate::stats::{median, rms};
 use crate::{Signal, Trajectory};
 use gaitfit_model::rotation::{Quat, Vec3, inverse, product, quat_of};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Samples nearer than this are not independent, s.
-const BLOCK_S: f64 = 0.5;
 /// Fewer blocks do not say how sure an estimate is.
 const ENOUGH: usize = 6;
 /// Intervals longer than this many periods have a gap in them.
 const GAP: f64 = 1.5;
-/// A number that is less than this many errors from 0 is none.
-const SURE: f64 = 4.0;
 /// Velocities later than this are worth correcting, s.
 const LAG_S: f64 = 1e-3;
 /// A reading of the gyro at rest worth correcting, rad/s.
 const BIAS: f64 = 0.003;
-
-/// A number and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Estimate {
-    /// The number.
-    pub value: f64,
-    /// Standard error.
-    pub error: f64,
-}
-
-impl Estimate {
-    /// Two standard errors below and above.
-    pub fn interval(&self) -> [f64; 2] {
-        [self.value - 2.0 * self.error, self.value + 2.0 * self.error]
-    }
-
-    /// Whether the interval holds `value`.
-    pub fn holds(&self, value: f64) -> bool {
-        let [low, high] = self.interval();
-        (low..=high).contains(&value)
-    }
-
-    /// Whether it is further from 0 than its errors and than `worth`.
-    pub fn matters(&self, worth: f64) -> bool {
-        self.value.abs() > worth && self.value.abs() > SURE * self.error
-    }
-}
 
 /// Lags, biases and noise of the sensors, estimated from logs alone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -1,7 +1,7 @@
 //! The interval between samples, and where samples were lost: a lost sample shifts all later ones, jitter does not.
 
-use crate::check::stats::{mean, median};
 use crate::scale::typical_step;
+use crate::stats::{mean, median};
 
 /// An interval from which samples may be missing, of the usual one: jitter makes that of a lost sample shorter.
 const LONG: f64 = 1.2;

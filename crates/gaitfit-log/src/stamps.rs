@@ -3,9 +3,9 @@
 //! Rows that were sampled evenly then share stamps, or are unevenly apart, and what follows from their intervals (rates,
 //! velocities, lost rows, delays) is wrong. If all stamps are within a tick of an even grid, the rows were evenly spaced.
 
-use crate::check::stats::short;
 use crate::scale::shared_factor;
 use crate::spacing::line;
+use crate::stats::short;
 use gaitfit_model::shown_number;
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! A log at a glance.
 
-use crate::check::stats::{median, range, rms};
+use crate::stats::{median, range, rms};
 use crate::{Lead, ReadReport, Signal, Trajectory};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -139,7 +139,7 @@ fn signal_summary(column: &[f64]) -> Option<SignalSummary> {
     Some(SignalSummary {
         min,
         max,
-        mean: crate::check::stats::mean(&finite),
+        mean: crate::stats::mean(&finite),
         rms: rms(&finite),
         missing: column.len() - finite.len(),
     })

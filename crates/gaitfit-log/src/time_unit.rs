@@ -1,7 +1,7 @@
 //! The unit of a time column: seconds, or one of the units that recorders write integers in.
 
-use crate::check::stats::short;
 use crate::scale::typical_step;
+use crate::stats::short;
 use serde::Serialize;
 
 /// Unit of a time column.

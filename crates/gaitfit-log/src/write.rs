@@ -1,6 +1,6 @@
 //! The CSV writer: exact numbers, atomic replacement.
 
-use crate::columns::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION};
+use crate::column_names::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION};
 use crate::{LogError, Trajectory};
 use gaitfit_model::shown;
 use std::io::{BufWriter, Write};

@@ -4,6 +4,7 @@ use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::coupling::of_robot;
 use crate::error::ModelError;
+use crate::inertia::MIN_MASS;
 use crate::keyframes::fill_keyframes;
 use crate::looks::Source;
 use crate::mend::{fill_masses, outlines};
@@ -19,8 +20,6 @@ use crate::spec::{GeomKind, GeomSpec, Spec};
 use crate::terrain::{Ground, Obstacle, ObstacleShape};
 use crate::xml::At;
 
-/// Below this a moving mass or inertia counts as none (`mjMINVAL`).
-const MIN_MASS: f64 = 1e-15;
 /// Largest distance of a link from its parent, or of its centre of mass from its frame, m, and largest mass, kg:
 /// beyond them a file states millimetres or grams.
 const MAX_DISTANCE: f64 = 1000.0;

@@ -16,7 +16,7 @@ use crate::terrain::Ground;
 use crate::xml::At;
 
 /// MuJoCo's floor for friction coefficients (`mjMINMU`).
-const MIN_FRICTION: f64 = 1e-5;
+pub const MIN_FRICTION: f64 = 1e-5;
 /// Below this a `solmix` counts as zero (`mjMINVAL`).
 const MIN_SOLMIX: f64 = 1e-15;
 

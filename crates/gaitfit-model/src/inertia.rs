@@ -4,6 +4,9 @@ use std::f64::consts::PI;
 
 use crate::rotation::{IDENTITY, Quat, Vec3, matrix, normalize, product};
 
+/// Below this a moving mass or inertia counts as none (`mjMINVAL`).
+pub(crate) const MIN_MASS: f64 = 1e-15;
+
 /// Symmetric inertia tensor: xx, yy, zz, xy, xz, yz (MJCF's `fullinertia` order), kg·m².
 pub(crate) type Tensor = [f64; 6];
 

@@ -80,16 +80,19 @@ mod write;
 mod xml;
 
 pub use cholesky::Cholesky;
+pub use contact::MIN_FRICTION;
 pub use error::{ModelError, Place};
 pub use joint_kind::{JointAxis, JointKind};
 pub use listing::LeftOut;
 pub use looks::{Look, Looks, Source};
 pub use model::*;
+pub use options::GRAVITY;
 pub use outline::{Form, MeshFile, Outline};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use self_contact::{Parts, SelfContact, SelfContactError, SelfPair};
 pub use shown::{
-    argument, counted, escaped, shown, shown_number, shown_path, significant, with_decimals, with_meant,
+    argument, counted, escaped, listed, shown, shown_number, shown_path, shown_sentence, significant,
+    with_decimals, with_meant,
 };
 pub use summary::*;
 pub use surface::{LeaningField, Surface, SurfaceBlock, SurfaceField};

@@ -5,8 +5,7 @@ use std::collections::HashMap;
 use serde::Serialize;
 
 use crate::model::{Model, Root};
-use crate::shown::shown;
-use crate::summary::symmetric;
+use crate::shown::{listed, shown};
 use crate::urdf::COLLISION_MESH;
 
 /// Max number of links that a message names.
@@ -113,11 +112,9 @@ impl Model {
         if links.is_empty() || !self.pairs.is_empty() {
             return None;
         }
-        let named = links.iter().take(NAMED_LINKS).copied().collect::<Vec<_>>().join(", ");
-        let more = links.len().saturating_sub(NAMED_LINKS);
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        let named = listed(&links, NAMED_LINKS);
         Some(format!(
-            "the collision shapes of {named}{more} are meshes, and meshes do not collide here. Give each foot's link a ball \
+            "the collision shapes of {named} are meshes, and meshes do not collide here. Give each foot's link a ball \
              as well, where the foot is: <collision><origin xyz=\"0 0 -0.2\"/><geometry><sphere \
              radius=\"0.02\"/></geometry></collision>"
         ))
@@ -191,6 +188,13 @@ fn plural(count: usize, kind: &str) -> String {
     let ending = kind.strip_suffix('y').map(|stem| format!("{stem}ies"));
     let plain = if ["sh", "x", "s"].iter().any(|end| kind.ends_with(end)) { "es" } else { "s" };
     format!("{count} {}", ending.unwrap_or_else(|| format!("{kind}{plain}")))
+}
+
+/// The bound of a torque range in the simulation, which clamps to both sides alike: the smaller of the two, or the larger
+/// one if the other side gives nothing.
+pub(crate) fn symmetric([low, high]: [f64; 2]) -> f64 {
+    let (down, up) = (-low, high);
+    if down > 0.0 && up > 0.0 { down.min(up) } else { down.max(up).max(0.0) }
 }
 
 #[cfg(test)]

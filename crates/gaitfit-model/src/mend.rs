@@ -2,7 +2,7 @@
 //! possible. Every change is listed.
 
 use crate::attributes::Context;
-use crate::inertia::{Inertial, Solid, combine};
+use crate::inertia::{Inertial, MIN_MASS, Solid, combine};
 use crate::mesh::Measure;
 use crate::model::Shape;
 use crate::orientation::compose;
@@ -18,8 +18,6 @@ const DENSITY: f64 = 1000.0;
 /// replaces it, m.
 const DUMMY_SHARE: f64 = 1e-3;
 const DUMMY_RADIUS: f64 = 0.02;
-/// Below this a moving mass or inertia counts as none (`mjMINVAL`).
-const MIN_MASS: f64 = 1e-15;
 
 /// A geom's mass or density.
 #[derive(Clone, Copy, Debug, PartialEq)]

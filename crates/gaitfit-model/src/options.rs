@@ -128,11 +128,14 @@ impl Compiler {
     }
 }
 
+/// Gravity on Earth as MuJoCo has it by default, m/s².
+pub const GRAVITY: f64 = 9.81;
+
 /// MuJoCo's default options.
 pub(crate) fn default_options() -> Options {
     Options {
         timestep: 0.002,
-        gravity: [0.0, 0.0, -9.81],
+        gravity: [0.0, 0.0, -GRAVITY],
         cone: Cone::Pyramidal,
         impratio: 1.0,
         integrator: Integrator::Euler,

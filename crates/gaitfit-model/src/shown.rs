@@ -6,6 +6,8 @@ use std::path::Path;
 const MAX_CHARS: usize = 60;
 /// Max number of characters of a path in a message.
 const MAX_PATH_CHARS: usize = 1000;
+/// Max number of characters of a sentence in a message.
+const MAX_SENTENCE_CHARS: usize = 2000;
 
 /// `text` for a message: at most 60 characters, the rest cut to `...`. Characters that control a terminal or turn the
 /// direction of writing are escaped (`\u{1b}`), so that a file cannot write over what the program says.
@@ -52,6 +54,25 @@ pub fn with_decimals(value: f64, decimals: usize) -> String {
         Some(zero) if zero.bytes().all(|byte| matches!(byte, b'0' | b'.')) => zero.to_owned(),
         _ => text,
     }
+}
+
+/// The first `max` items, and how many more there are: `a, b and 3 more`.
+pub fn listed(items: impl IntoIterator<Item = impl AsRef<str>>, max: usize) -> String {
+    let (mut text, mut more) = (String::new(), 0);
+    for (place, item) in items.into_iter().enumerate() {
+        if place >= max {
+            more += 1;
+            continue;
+        }
+        text.push_str(if place > 0 { ", " } else { "" });
+        text.push_str(item.as_ref());
+    }
+    if more > 0 { format!("{text} and {more} more") } else { text }
+}
+
+/// A sentence for a message, as [`shown`] but long enough for any that makes sense.
+pub fn shown_sentence(text: &str) -> String {
+    escaped(text, MAX_SENTENCE_CHARS)
 }
 
 /// `count` and a noun in the number that it needs: `1 log`, `2 logs`. `noun`: its singular, whose plural has an `s` more.

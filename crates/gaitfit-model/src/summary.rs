@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::joint_kind::JointKind;
-use crate::listing::LeftOut;
+use crate::listing::{LeftOut, symmetric};
 use crate::model::{Changed, Dropped, Model, Root};
 use crate::patterns::plain;
 
@@ -126,13 +126,6 @@ pub struct GeomSummary {
     pub condim: u8,
     /// Sliding friction of its first pair.
     pub friction: Option<f64>,
-}
-
-/// The bound of a torque range in the simulation, which clamps to both sides alike: the smaller of the two, or the larger
-/// one if the other side gives nothing.
-pub(crate) fn symmetric([low, high]: [f64; 2]) -> f64 {
-    let (down, up) = (-low, high);
-    if down > 0.0 && up > 0.0 { down.min(up) } else { down.max(up).max(0.0) }
 }
 
 impl Model {

@@ -12,9 +12,7 @@ use crate::state::{Point, Pose, Work};
 use crate::terrain::Nearest;
 use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Touched, Tree};
 use crate::vec3::*;
-
-/// Smallest friction coefficient (`mjMINMU`).
-pub(crate) const MIN_FRICTION: f64 = 1e-5;
+use gaitfit_model::MIN_FRICTION;
 
 /// Impedance at violation `pos` (MuJoCo, "Solver parameters", the d(r) curve).
 #[inline(always)]

@@ -1,7 +1,7 @@
 //! A policy trained elsewhere, described in TOML: everything that its weights do not say.
 
+use super::file::{bytes, ending};
 use super::layers::{assemble, take_apart};
-use super::read::{bytes, ending};
 use super::tensors::Tensors;
 use super::{
     DescribedTerm, EncoderTensors, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource, onnx, torch,

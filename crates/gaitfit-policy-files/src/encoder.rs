@@ -1,7 +1,7 @@
 //! The encoder of a described two-part policy: tensors beside the actor's, or an ONNX file of its own.
 
+use super::file::bytes;
 use super::onnx;
-use super::read::bytes;
 use super::tensors::Tensors;
 use gaitfit_policy::invalid;
 use gaitfit_policy::network::{Activation, Network};

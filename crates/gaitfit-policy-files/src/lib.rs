@@ -10,6 +10,7 @@ pub mod deploy;
 mod described;
 mod description;
 mod encoder;
+mod file;
 mod foreign;
 mod layers;
 mod messages;

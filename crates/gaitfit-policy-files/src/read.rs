@@ -1,15 +1,11 @@
 //! A policy from a path, whatever wrote it.
 
+use super::file::{bytes, ending};
 use super::foreign::{self, Known};
 use super::{Description, messages, onnx, torch, weights};
 use gaitfit_policy::invalid;
 use gaitfit_policy::{Interface, Policy, PolicyError};
-use std::fs::File;
-use std::io::{Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
-
-/// Largest policy file.
-const MAX_BYTES: u64 = 32 << 20;
 
 /// Reads a policy: `.safetensors` and `.onnx` written by this program, an `.onnx` with the metadata of mjlab or with
 /// unitree_rl_lab's `deploy.yaml` beside it, or a `.toml` that describes a policy trained elsewhere ([`Description`]).
@@ -111,11 +107,6 @@ pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     Ok(unsealed)
 }
 
-/// The ending of a file's name, in small letters.
-pub(super) fn ending(path: &Path) -> Option<String> {
-    path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
-}
-
 fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
@@ -213,24 +204,4 @@ fn text(path: &Path) -> Result<String, PolicyError> {
             error.utf8_error().valid_up_to()
         ))),
     })
-}
-
-/// The bytes of a regular file of moderate size: a pipe would hang, a device would fill the memory.
-pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, PolicyError> {
-    let read = || -> std::io::Result<Vec<u8>> {
-        if !std::fs::metadata(path)?.is_file() {
-            return Err(Error::new(ErrorKind::InvalidInput, "not a regular file"));
-        }
-        let mut bytes = Vec::new();
-        // One byte more than allowed tells a file that is too large, also one that grows while it is read.
-        File::open(path)?.take(MAX_BYTES + 1).read_to_end(&mut bytes)?;
-        if bytes.len() as u64 > MAX_BYTES {
-            return Err(Error::new(
-                ErrorKind::InvalidInput,
-                "larger than 32 MiB, no policy of a legged robot",
-            ));
-        }
-        Ok(bytes)
-    };
-    read().map_err(|source| PolicyError::Read { path: path.to_owned(), source })
 }

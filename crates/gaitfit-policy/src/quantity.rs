@@ -3,6 +3,7 @@
 //! A new quantity touches three files: its lines here (its row in the table, and what is sensed of a robot), where the
 //! simulator has it ([`crate::walker::Walker::sense`]), and the same for GPUs (`observe.cu` of `gaitfit-cuda`).
 
+use gaitfit_log::column_names::{BASE_RATES, COMMAND, PROJECTED_GRAVITY};
 use serde::{Deserialize, Serialize};
 
 use crate::{BaseSample, MotionPlace, frames};
@@ -128,7 +129,7 @@ quantities! {
         source: Sensors,
         write: |sensed, _, out| out.copy_from_slice(&sensed.base_angular_velocity),
         isaac: ["base_ang_vel"],
-        columns: Columns::Named(&["wx", "wy", "wz"]),
+        columns: Columns::Named(&BASE_RATES),
         cxx: "sensed.base_angular_velocity[i]",
         base: Some(OfBase {
             spreads: &[0.6; 3],
@@ -142,7 +143,7 @@ quantities! {
         source: Sensors,
         write: |sensed, _, out| out.copy_from_slice(&sensed.projected_gravity),
         isaac: ["projected_gravity"],
-        columns: Columns::Named(&["projected_gravity_x", "projected_gravity_y", "projected_gravity_z"]),
+        columns: Columns::Named(&PROJECTED_GRAVITY),
         cxx: "sensed.projected_gravity[i]",
         base: Some(OfBase {
             // The third number follows from its length.
@@ -157,7 +158,7 @@ quantities! {
         source: Policy,
         write: |sensed, _, out| out.copy_from_slice(&sensed.command),
         isaac: ["velocity_commands", "command"],
-        columns: Columns::Named(&["vx_cmd", "vy_cmd", "wz_cmd"]),
+        columns: Columns::Named(&COMMAND),
         cxx: "sensed.command[i]",
         base: None,
     }

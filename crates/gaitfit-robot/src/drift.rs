@@ -18,7 +18,7 @@ const NEEDED: [&str; 6] = ["trial", "direction", "vx", "vy", "wz", "seconds"];
 const ENDS: [[(&str, f64); 2]; 3] = [
     [("x_m", 1.0), ("x_cm", 0.01)],
     [("y_m", 1.0), ("y_cm", 0.01)],
-    [("heading_deg", std::f64::consts::PI / 180.0), ("heading_rad", 1.0)],
+    [("heading_deg", 1f64.to_radians()), ("heading_rad", 1.0)],
 ];
 /// Columns that a form may have.
 const OTHERS: [&str; 2] = ["fell", "note"];

@@ -21,6 +21,7 @@ pub mod link;
 pub mod listen;
 mod per_motor;
 pub mod preflight;
+mod remote;
 pub mod robot;
 pub mod ros;
 pub mod run;

@@ -1,7 +1,7 @@
 //! State of a robot, in SI units and motor order.
 
 use crate::per_motor::PerMotor;
-use crate::unitree::Remote;
+use crate::remote::Remote;
 
 /// State of a robot's motors and body at one moment; joints in motor order (see [`crate::Robot`]).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::RobotError;
 use crate::command::{Command, MotorCommand, damping};
-use crate::guard::{GuardSettings, Limits, Reason, Watch};
+use crate::guard::{GuardSettings, Reason, Watch};
 use crate::per_motor::PerMotor;
 use crate::state::{Reading, RobotState};
 
@@ -94,10 +94,6 @@ impl Default for Times {
         }
     }
 }
-
-/// Share of the largest torque that damping may use. The rest is for a joint that turns faster by now than in the
-/// last state.
-const DAMPING_ROOM: f32 = 0.9;
 
 /// The states of a run and the guard before every command.
 #[derive(Clone, Debug)]
@@ -310,8 +306,7 @@ impl Supervisor {
 
     /// Damping of a robot that was last known to be in `state`. The state may be old, so the torque has room.
     fn damped(&self, state: &RobotState) -> Command {
-        let limits = &self.watch.settings().limits;
-        let limits = Limits { torque: limits.torque.map(|torque| DAMPING_ROOM * torque), ..*limits };
+        let limits = self.watch.settings().limits.for_damping();
         let wanted = damping(&self.postures.damping);
         limits.admit(&wanted, state).unwrap_or(wanted)
     }

@@ -105,6 +105,29 @@ pub(crate) fn room(error: &io::Error) -> &'static str {
     }
 }
 
+/// Refuses what is there and is no regular file: opening a pipe would wait for ever.
+pub(crate) fn no_pipe(path: &Path) -> io::Result<()> {
+    match regular(path) {
+        Err(error) if error.kind() == ErrorKind::InvalidInput => {
+            Err(io::Error::new(ErrorKind::AlreadyExists, error))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Temporary files are private by default; these become results that others may read, as the umask says.
+#[cfg(unix)]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(std::fs::Permissions::from_mode(0o666))
+}
+
+/// Leaves the permissions to the system.
+#[cfg(not(unix))]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    builder
+}
+
 /// Writes a file whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     write_with(path, |file| file.write_all(bytes))
@@ -113,7 +136,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 /// Writes a file whole or not at all; `fill` writes what it holds, and flushes its own buffers.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), Error> {
     let whole = || -> io::Result<()> {
-        let mut file = crate::run::readable(&mut tempfile::Builder::new()).tempfile_in(folder_of(path))?;
+        let mut file = readable(&mut tempfile::Builder::new()).tempfile_in(folder_of(path))?;
         fill(file.as_file_mut())?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;

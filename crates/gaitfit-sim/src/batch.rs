@@ -42,7 +42,7 @@ impl Default for BatchOptions {
 }
 
 /// Max number of physics steps in a control period.
-const MAX_SUBSTEPS: usize = 1000;
+pub const MAX_SUBSTEPS: usize = 1000;
 /// Longest control period and actuation delay, s.
 const MAX_SECONDS: f64 = 1.0;
 

@@ -12,7 +12,7 @@ pub mod bench;
 pub mod engine;
 pub mod stats;
 
-pub use batch::{Batch, BatchOptions};
+pub use batch::{Batch, BatchOptions, MAX_SUBSTEPS};
 pub use candidate::{Candidate, JointNetworks, NetworkKind, modifications};
 pub use engine::{Cpu, Engine};
 pub use error::SimError;

@@ -42,6 +42,9 @@ pub struct Estimate {
 /// 97.5 % quantile of the standard normal distribution.
 const Z: f64 = 1.959_963_984_540_054;
 
+/// The same to three digits, as tables have it.
+pub const NORMAL_95: f64 = 1.96;
+
 /// 97.5 % points of Student's t with 1, 2, … degrees of freedom.
 const STUDENT: [f64; 30] = [
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
@@ -51,7 +54,7 @@ const STUDENT: [f64; 30] = [
 /// 97.5 % point of Student's t; for zero degrees of freedom, that for one.
 pub fn student_t_95(degrees: usize) -> f64 {
     // Beyond the table the normal distribution's point is at most 4 % too small (2.040 at 31 degrees).
-    STUDENT.get(degrees.saturating_sub(1)).copied().unwrap_or(1.96)
+    STUDENT.get(degrees.saturating_sub(1)).copied().unwrap_or(NORMAL_95)
 }
 
 impl Estimate {

@@ -4,7 +4,7 @@ use crate::poses::{End, Tip};
 use crate::torques::{Bump, Drag, Needed};
 use crate::walk::Walk;
 use gaitfit_model::rotation::Vec3;
-use gaitfit_model::{Model, Root};
+use gaitfit_model::{GRAVITY, Model, Root};
 use nalgebra::{Matrix3, Vector3};
 
 /// Time over which the force at a foot is averaged, s.
@@ -15,8 +15,6 @@ const STANDS: [f64; 2] = [0.10, 0.25];
 const ALIKE: [f64; 4] = [2.0, 1.0, 0.5, 0.5];
 /// Standing feet are within about this height, m: slopes, steps, and an IMU that is tilted.
 const LOW_M: f64 = 0.03;
-/// Gravity, m/s².
-const GRAVITY: f64 = 9.81;
 /// Error of the velocity that a standing foot gives the base, m/s, and how long it lasts, s: encoders, vibration, slip.
 const FOOT_RATE: f64 = 0.1;
 const FOOT_S: f64 = 0.01;

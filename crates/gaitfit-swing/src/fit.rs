@@ -1,6 +1,6 @@
 //! Solves the equations of all groups for one choice of swings.
 
-use crate::effects::block;
+use crate::added::block;
 use crate::equations::Window;
 use crate::lowest::lowest;
 use crate::regression::{Group, Named, SHARED, Solution, groups, solve};

@@ -9,8 +9,10 @@
 //! Logs need targets, gains, and orientation and body rates of the base; legs of a clamped robot in the air need no
 //! inertial unit. Rates of 50 Hz do, higher ones are better.
 
+mod added;
 mod count;
 pub mod dynamics;
+mod effect;
 mod effects;
 mod equations;
 mod error;
@@ -23,6 +25,7 @@ mod odd;
 mod poses;
 mod regression;
 mod report;
+mod scene;
 mod singles;
 mod stance;
 mod standing;
@@ -31,7 +34,8 @@ mod torques;
 mod walk;
 
 pub use count::Progress;
-pub use effects::{Effect, EffectKind, effects, tilt_beside_twist};
+pub use effect::{Effect, EffectKind};
+pub use effects::{effects, tilt_beside_twist};
 pub use error::SwingError;
 pub use estimate::{estimate, estimate_walks};
 pub use feet::{Foot, Ground};

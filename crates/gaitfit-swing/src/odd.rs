@@ -4,8 +4,7 @@
 //! joint is compared with the median of its siblings. Its difference counts if it is large for two scales: the usual difference
 //! of this robot's joints (the median over all joints, which one odd joint does not move), and the error of its own estimate.
 
-/// Standard deviation of normal numbers, divided by the median of their absolute values.
-const MEDIAN_TO_DEVIATION: f64 = 1.4826;
+use gaitfit_log::MEDIAN_TO_DEVIATION;
 
 /// An estimate for one joint: the stiffness of a spring, N·m/rad, or the strength of a motor, as a part of its torque.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 
 use crate::equations::Window;
 use crate::estimate::offsets;
+use gaitfit_log::MEDIAN_TO_DEVIATION;
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -84,9 +85,8 @@ pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
             rows.iter().zip(&known).map(|(row, known)| known - product(row, &values)).collect();
         let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
         let middle = count / 2;
-        // The median of absolute normal residuals is their standard deviation / 1.4826. Few large residuals do not
-        // change it.
-        let spread = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        // Few large residuals do not change the median.
+        let spread = MEDIAN_TO_DEVIATION * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
         let scale = (residuals.iter().zip(&weights).map(|(r, w)| w * r * r).sum::<f64>()
             / weights.iter().sum::<f64>())
         .sqrt();

@@ -5,7 +5,8 @@
 //! another strength adds a part of its torque. Every joint gets each of them, one at a time. [`Judged`] compares it with its
 //! siblings: what they share is an error of the model.
 
-use crate::effects::{Effect, EffectKind, Equations};
+use crate::added::Equations;
+use crate::effect::{Effect, EffectKind};
 use crate::equations::Window;
 use crate::odd::{Judged, Measured};
 use crate::regression::Group;

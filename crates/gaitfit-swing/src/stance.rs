@@ -4,8 +4,10 @@
 //! each is. What they disagree by goes with the torques of the joints (a joint that twists or has play), or stays (ground
 //! that gives way, steps). A tilted inertial unit or a sloping floor and errors of the encoders' zeros are taken out first.
 
-use crate::effects::{Base, Effect, EffectKind, Scene, block};
+use crate::added::{Base, block};
+use crate::effect::{Effect, EffectKind};
 use crate::feet::Foot;
+use crate::scene::Scene;
 use crate::standing::{MIN_FEET, STANDS, tilt_lever};
 use crate::torques::Bump;
 use gaitfit_log::Estimate;

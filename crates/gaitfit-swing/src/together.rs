@@ -8,6 +8,7 @@
 use crate::equations::Window;
 use crate::moment::{Lag, Moment, Row};
 use crate::regression::{Group, HUBER, Solution};
+use gaitfit_log::MEDIAN_TO_DEVIATION;
 use gaitfit_pool::share;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
@@ -250,11 +251,10 @@ impl<'a> Equations<'a> {
 
     /// Moves values, weights and variances to those that the sums of a round ask for.
     fn improve(&mut self, mut sums: Sums) -> Option<()> {
-        // A spread that single large residuals do not move: the median of normal residuals is their deviation /
-        // 1.4826.
+        // A spread that single large residuals do not move.
         let spread = |sizes: &mut Vec<f64>| {
             let middle = sizes.len() / 2;
-            1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+            MEDIAN_TO_DEVIATION * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
         };
         let spreads: Vec<f64> = sums.sizes.iter_mut().map(spread).collect();
         for row in self.moments.iter_mut().flatten() {

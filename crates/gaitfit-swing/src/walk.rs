@@ -2,7 +2,7 @@
 
 use crate::SwingError;
 use crate::poses::Poses;
-use gaitfit_log::Trajectory;
+use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::rotation::{IDENTITY, Quat, Vec3, blend, quat_of};
 use gaitfit_model::{Model, Root};
 
@@ -13,6 +13,10 @@ const FINE_S: f64 = 0.0026;
 const SIGN_RATE: f64 = 0.05;
 /// Samples further apart than this many periods have a gap between them, which is not interpolated.
 const GAP: f64 = 3.5;
+/// A log with fewer samples shows nothing.
+const MIN_SAMPLES: usize = 8;
+/// Max numbers of a grid, points times joints.
+const MAX_NUMBERS: usize = 50_000_000;
 
 /// Signals of one log, joints in the model's order; one row a grid point.
 #[derive(Clone, Debug)]
@@ -82,46 +86,9 @@ impl Walk {
     /// A log without targets, gains or, of a floating robot, orientation and rates of the base; joints that the robot
     /// lacks.
     pub fn new(model: &Model, log: &Trajectory) -> Result<Self, SwingError> {
-        let name =
-            || log.source.as_ref().map_or_else(|| "the log".to_owned(), |path| path.display().to_string());
-        let lacks = |what| SwingError::Lacks { log: name(), what };
-        if let Some(joint) = log.velocity_joints.first() {
-            return Err(SwingError::VelocityTargets { log: name(), joint: joint.clone() });
-        }
-        let targets = log.target.as_ref().ok_or_else(|| lacks("position targets (columns qdes_…)"))?;
-        let gains =
-            log.gains.as_ref().ok_or_else(|| lacks("PD gains (kp and kd in its header or log.toml)"))?;
-        let imu = log
-            .base
-            .as_ref()
-            .and_then(|base| Some((base.quaternion.as_ref()?, base.angular_velocity.as_ref()?)));
-        let floating = model.root == Root::Floating;
-        if floating && imu.is_none() {
-            return Err(lacks(
-                "orientation and body rates of the base (roll, pitch, yaw or base_quat_…; wx, wy, wz)",
-            ));
-        }
-        let joints = model.joints.len();
-        let mut column = vec![None; joints];
-        for (place, joint) in log.joints.iter().enumerate() {
-            let Some(number) = model.find_joint(joint) else {
-                return Err(SwingError::NoSuchJoint { log: name(), joint: joint.clone() });
-            };
-            column[number] = Some(place);
-        }
-        let width = log.joints.len();
-        let samples = log.len();
-        if samples < 8 {
-            return Err(SwingError::Short { log: name(), samples });
-        }
-        let period = log.dt();
-        let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
-        let step = period / per_sample as f64;
-        let start = log.time[0];
-        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1; // 1e-6: rounding.
-        if points.saturating_mul(joints.max(1)) > 50_000_000 {
-            return Err(SwingError::Long { log: name(), seconds: log.duration() });
-        }
+        let columns = Columns::find(model, log)?;
+        let Grid { step, per_sample, points } = Grid::over(log, model.joints.len())?;
+        let (joints, start) = (model.joints.len(), log.time[0]);
         let mut walk = Self {
             step,
             per_sample,
@@ -132,55 +99,87 @@ impl Walk {
             rates: vec![[0.0; 3]; points],
             sample_times: log.time.iter().map(|time| time - start).collect(),
             lead: log.lead.as_ref().map_or(0.0, |lead| lead.seconds),
-            targets: vec![f64::NAN; samples * joints],
+            targets: vec![f64::NAN; log.len() * joints],
             gains: vec![[f64::NAN; 2]; joints],
             joints,
             sign_rate: SIGN_RATE,
             poses: Poses::default(),
         };
-        for (joint, place) in column.iter().enumerate() {
-            let Some(place) = *place else {
-                (0..points).for_each(|point| walk.q[point * joints + joint] = model.joints[joint].reference);
-                continue;
-            };
-            walk.gains[joint] = [gains.kp[place], gains.kd[place]];
-            for sample in 0..samples {
-                walk.targets[sample * joints + joint] = targets[sample * width + place];
-            }
-        }
-        let mut before = 0;
-        for point in 0..points {
-            let at = point as f64 * step;
-            while before + 2 < samples && walk.sample_times[before + 1] <= at + 1e-9 {
-                before += 1;
-            }
-            let after = before + 1;
-            let span = walk.sample_times[after] - walk.sample_times[before];
-            let fraction = ((at - walk.sample_times[before]) / span).clamp(0.0, 1.0);
-            let mut finite = span > 0.0 && span < GAP * period;
-            for (joint, place) in column.iter().enumerate() {
-                let Some(place) = *place else { continue };
-                let (here, there) = (before * width + place, after * width + place);
-                let ends = [log.position[here], log.velocity[here], log.position[there], log.velocity[there]];
-                let [q, dq] = hermite(ends, span, fraction);
-                finite &= q.is_finite() && dq.is_finite();
-                walk.q[point * joints + joint] = q;
-                walk.dq[point * joints + joint] = dq;
-            }
-            if floating && let Some((quaternions, rates)) = imu {
-                let quaternion = |sample: usize| quat_of(&quaternions[4 * sample..]);
-                let turned = blend(quaternion(before), quaternion(after), fraction);
-                let rate: Vec3 = std::array::from_fn(|k| {
-                    (1.0 - fraction) * rates[3 * before + k] + fraction * rates[3 * after + k]
-                });
-                finite &= turned.iter().chain(&rate).all(|x| x.is_finite());
-                walk.quaternion[point] = turned;
-                walk.rates[point] = rate;
-            }
-            walk.valid[point] = finite;
-        }
+        walk.take_commands(model, log, &columns);
+        walk.interpolate(log, &columns);
         walk.poses = Poses::new(model, &walk);
         Ok(walk)
+    }
+
+    /// Takes targets and gains of the log's joints, and the reference positions of the others.
+    fn take_commands(&mut self, model: &Model, log: &Trajectory, columns: &Columns<'_>) {
+        let (joints, width) = (self.joints, log.joints.len());
+        for (joint, place) in columns.of_joint.iter().enumerate() {
+            let Some(place) = *place else {
+                let rest = model.joints[joint].reference;
+                (0..self.points()).for_each(|point| self.q[point * joints + joint] = rest);
+                continue;
+            };
+            self.gains[joint] = [columns.gains.kp[place], columns.gains.kd[place]];
+            for sample in 0..log.len() {
+                self.targets[sample * joints + joint] = columns.targets[sample * width + place];
+            }
+        }
+    }
+
+    /// Fills the grid from the samples around each of its points.
+    fn interpolate(&mut self, log: &Trajectory, columns: &Columns<'_>) {
+        let max_span = GAP * log.dt();
+        let mut before = 0;
+        for point in 0..self.points() {
+            let at = point as f64 * self.step;
+            while before + 2 < log.len() && self.sample_times[before + 1] <= at + 1e-9 {
+                before += 1;
+            }
+            let span = self.sample_times[before + 1] - self.sample_times[before];
+            let fraction = ((at - self.sample_times[before]) / span).clamp(0.0, 1.0);
+            let between = Between { before, span, fraction };
+            let joints_finite = self.set_joints(point, &between, log, columns);
+            let base_finite = self.set_base(point, &between, columns);
+            self.valid[point] = span > 0.0 && span < max_span && joints_finite && base_finite;
+        }
+    }
+
+    /// Sets the joints at a grid point. Returns whether all values are finite.
+    fn set_joints(
+        &mut self,
+        point: usize,
+        between: &Between,
+        log: &Trajectory,
+        columns: &Columns<'_>,
+    ) -> bool {
+        let width = log.joints.len();
+        let mut finite = true;
+        for (joint, place) in columns.of_joint.iter().enumerate() {
+            let Some(place) = *place else { continue };
+            let (here, there) = (between.before * width + place, (between.before + 1) * width + place);
+            let ends = [log.position[here], log.velocity[here], log.position[there], log.velocity[there]];
+            let [q, dq] = hermite(ends, between.span, between.fraction);
+            finite &= q.is_finite() && dq.is_finite();
+            self.q[point * self.joints + joint] = q;
+            self.dq[point * self.joints + joint] = dq;
+        }
+        finite
+    }
+
+    /// Sets a floating base at a grid point. Returns whether all values are finite.
+    fn set_base(&mut self, point: usize, between: &Between, columns: &Columns<'_>) -> bool {
+        let Some((quaternions, rates)) = columns.imu else { return true };
+        let &Between { before, fraction, .. } = between;
+        let after = before + 1;
+        let quaternion = |sample: usize| quat_of(&quaternions[4 * sample..]);
+        let turned = blend(quaternion(before), quaternion(after), fraction);
+        let rate: Vec3 = std::array::from_fn(|k| {
+            (1.0 - fraction) * rates[3 * before + k] + fraction * rates[3 * after + k]
+        });
+        self.quaternion[point] = turned;
+        self.rates[point] = rate;
+        turned.iter().chain(&rate).all(|x| x.is_finite())
     }
 
     /// Sign of a joint's velocity `lead` grid points later, smooth where it is not sure.
@@ -198,6 +197,88 @@ impl Walk {
         let sample = self.sample_times.partition_point(|time| *time <= sent + 1e-9).saturating_sub(1);
         self.targets[sample * self.joints + joint]
     }
+}
+
+/// What a walk needs of a log.
+struct Columns<'a> {
+    targets: &'a [f64],
+    gains: &'a Gains,
+    /// Quaternions and rates of a floating base; absent if the base is fixed.
+    imu: Option<(&'a [f64], &'a [f64])>,
+    /// The log's column of each joint of the model; absent for joints that the log lacks.
+    of_joint: Vec<Option<usize>>,
+}
+
+impl<'a> Columns<'a> {
+    fn find(model: &Model, log: &'a Trajectory) -> Result<Self, SwingError> {
+        let lacks = |what| SwingError::Lacks { log: name(log), what };
+        if let Some(joint) = log.velocity_joints.first() {
+            return Err(SwingError::VelocityTargets { log: name(log), joint: joint.clone() });
+        }
+        let targets = log.target.as_ref().ok_or_else(|| lacks("position targets (columns qdes_…)"))?;
+        let gains =
+            log.gains.as_ref().ok_or_else(|| lacks("PD gains (kp and kd in its header or log.toml)"))?;
+        let imu = match model.root {
+            Root::Floating => Some(imu(log).ok_or_else(|| {
+                lacks("orientation and body rates of the base (roll, pitch, yaw or base_quat_…; wx, wy, wz)")
+            })?),
+            Root::Fixed => None,
+        };
+        let mut of_joint = vec![None; model.joints.len()];
+        for (place, joint) in log.joints.iter().enumerate() {
+            let Some(number) = model.find_joint(joint) else {
+                return Err(SwingError::NoSuchJoint { log: name(log), joint: joint.clone() });
+            };
+            of_joint[number] = Some(place);
+        }
+        Ok(Self { targets, gains, imu, of_joint })
+    }
+}
+
+/// The log's name in messages.
+fn name(log: &Trajectory) -> String {
+    log.source.as_ref().map_or_else(|| "the log".to_owned(), |path| path.display().to_string())
+}
+
+/// Quaternions and rates of the base.
+fn imu(log: &Trajectory) -> Option<(&[f64], &[f64])> {
+    let base = log.base.as_ref()?;
+    Some((base.quaternion.as_ref()?, base.angular_velocity.as_ref()?))
+}
+
+/// An even, fine grid in time.
+struct Grid {
+    step: f64,
+    per_sample: usize,
+    points: usize,
+}
+
+impl Grid {
+    /// From the first to the last sample of a log.
+    fn over(log: &Trajectory, joints: usize) -> Result<Self, SwingError> {
+        let samples = log.len();
+        if samples < MIN_SAMPLES {
+            return Err(SwingError::Short { log: name(log), samples });
+        }
+        let period = log.dt();
+        let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
+        let step = period / per_sample as f64;
+        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1; // 1e-6: rounding.
+        if points.saturating_mul(joints.max(1)) > MAX_NUMBERS {
+            return Err(SwingError::Long { log: name(log), seconds: log.duration() });
+        }
+        Ok(Self { step, per_sample, points })
+    }
+}
+
+/// A time between two samples that follow each other.
+struct Between {
+    /// The sample before.
+    before: usize,
+    /// Time between both samples, s.
+    span: f64,
+    /// Part of the span that has passed, 0 to 1.
+    fraction: f64,
 }
 
 /// Value and derivative of the cubic with the given values and slopes at both ends of `span`.

@@ -1,6 +1,7 @@
 //! Whether a search came to its end.
 
 use super::{CostOutcome, MAX_SCANNED, ParameterOutcome, Stop};
+use gaitfit_model::listed;
 
 /// A rise of the cost below this part, over the last quarter of a run, is no progress.
 const PROGRESS: f64 = 0.01;
@@ -37,7 +38,9 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     match better.len() {
         0 => {}
         1 => reasons.push(format!("{} fits better than the value found.", better[0])),
-        _ => reasons.push(format!("Each alone, {} fit better than the values found.", listed(&better))),
+        _ => {
+            reasons.push(format!("Each alone, {} fit better than the values found.", listed(&better, NAMED)))
+        }
     }
     let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
     let ended = best.and_then(|run| run.stop);
@@ -72,7 +75,8 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
     let apart: Vec<String> = apart.collect();
     if !apart.is_empty() {
-        reasons.push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart)));
+        reasons
+            .push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart, NAMED)));
     }
     // Only a limit of time ends a run without a reason of its own.
     if ended.is_none() && best.is_some() && reasons.len() > settled {
@@ -105,13 +109,8 @@ fn elsewhere(outcome: &CostOutcome) -> Option<String> {
          start: add seeds (optimizer.seeds), or begin nearer (`start` of a [[parameter]]).",
         costs().fold(f64::INFINITY, f64::min),
         costs().fold(0.0, f64::max),
-        listed(&named)
+        listed(&named, NAMED)
     ))
-}
-
-fn listed(names: &[String]) -> String {
-    let shown = names[..names.len().min(NAMED)].join(", ");
-    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }
 
 fn spread(one: &ParameterOutcome) -> String {

@@ -1,139 +1,14 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
-use super::least_squares::{self, MAX_ENTRIES, Problem};
-use super::run::{Checkpoint, Run, Stop};
-use super::{CostOutcome, FallPenalty, FitError, Origin};
-use crate::cmaes::{BoundHandling, CovarianceKind};
+use super::generation::{Generation, RunGeneration};
+use super::least_squares::{self, Problem};
+use super::options::{FitOptions, RandomNumbers};
+use super::run::{Checkpoint, Run};
+use super::{CostOutcome, FitError, Origin};
 use crate::cost::Cost;
-use crate::{Cancel, Resets, Simulator, Theta};
-use gaitfit_random::{Purpose, derive_seed};
-use serde::{Deserialize, Serialize};
+use crate::{Cancel, Simulator, Theta};
 use std::sync::OnceLock;
-
-/// Settings of a fit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FitOptions {
-    /// How runs search.
-    #[serde(default)]
-    pub method: Method,
-    /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
-    pub population: usize,
-    /// Generations of every start.
-    pub generations: usize,
-    /// Starts after the first, each once the one before has ended, with twice its population.
-    pub restarts: u32,
-    /// Seeds: one run for each and each cost.
-    pub seeds: Vec<u64>,
-    /// Covariance model.
-    pub covariance: CovarianceKind,
-    /// The treatment of draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
-    /// and wants [`BoundHandling::Reflect`].
-    pub bounds: BoundHandling,
-    /// A run of CMA-ES stops once the smallest costs of this many generations hardly change: the means of their
-    /// halves differ by less than a fiftieth, standard error included; 0 never.
-    #[serde(default)]
-    pub patience: usize,
-    /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
-    /// this part of its initial deviation; 0 never stops early.
-    pub tolerance: f64,
-    /// The charge for falls.
-    pub falls: FallPenalty,
-    /// Which candidates see the same random draws; nothing to a simulator without randomness.
-    pub random_numbers: RandomNumbers,
-}
-
-impl Default for FitOptions {
-    /// 200 generations of one seed, with the population and covariance of Hansen's tutorial.
-    fn default() -> Self {
-        Self {
-            method: Method::Auto,
-            population: 0,
-            generations: 200,
-            restarts: 0,
-            seeds: vec![1],
-            covariance: CovarianceKind::Full,
-            bounds: BoundHandling::Reflect,
-            patience: 0,
-            tolerance: 1e-4,
-            falls: FallPenalty::default(),
-            random_numbers: RandomNumbers::default(),
-        }
-    }
-}
-
-impl FitOptions {
-    /// The most generations that a seed can take, restarts among them.
-    pub fn max_generations(&self) -> usize {
-        self.generations.saturating_mul(self.restarts as usize + 1)
-    }
-}
-
-/// How a run searches.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Least squares for costs of short predictions ([`Resets::Sensors`]) over θ without regularisation, CMA-ES for
-    /// all others.
-    #[default]
-    Auto,
-    /// Candidates drawn around a mean that moves to the better ones.
-    CmaEs,
-    /// Steps along derivatives, for costs that compare sample by sample.
-    LeastSquares,
-}
-
-impl Method {
-    /// Whether runs of `cost` over `theta` are least squares.
-    ///
-    /// # Errors
-    /// [`FitError::Distributions`], [`FitError::Regularised`], [`FitError::TooManyEntries`] where they were asked to be
-    /// and cannot.
-    pub fn least_squares(self, cost: &dyn Cost, theta: &Theta) -> Result<bool, FitError> {
-        let deviations: Vec<f64> = theta.entries().iter().map(|entry| entry.deviation).collect();
-        let refused = if cost.differences().is_none() {
-            FitError::Distributions(cost.name().to_owned())
-        } else if theta.regularisation(&deviations) > 0.0 {
-            FitError::Regularised
-        } else if theta.len() > MAX_ENTRIES {
-            FitError::TooManyEntries { count: theta.len(), max: MAX_ENTRIES }
-        } else {
-            return Ok(match self {
-                Self::Auto => matches!(cost.resets(), Resets::Sensors(_)),
-                Self::CmaEs => false,
-                Self::LeastSquares => true,
-            });
-        };
-        if self == Self::LeastSquares { Err(refused) } else { Ok(false) }
-    }
-}
-
-/// Which candidates see the same random draws (torque noise, observation noise). Draws differ from seed to seed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum RandomNumbers {
-    /// The candidates of a generation (common random numbers); the next generation sees new ones. Candidates are
-    /// compared on equal terms and none can adapt to one set of draws.
-    #[default]
-    Generation,
-    /// All candidates of a run: its cost is a fixed function of θ.
-    Run,
-    /// None: each has its own, as in the paper.
-    Candidate,
-}
-
-impl RandomNumbers {
-    /// The draw of a candidate, by its address.
-    pub(super) fn draw(self, seed: u64, generation: u32, candidate: usize) -> u64 {
-        let noise = Purpose::TORQUE_NOISE;
-        let generation = derive_seed(seed, noise, generation);
-        match self {
-            Self::Run => derive_seed(seed, noise, 0),
-            Self::Generation => generation,
-            Self::Candidate => derive_seed(generation, noise, u32::try_from(candidate).unwrap_or(u32::MAX)),
-        }
-    }
-}
 
 /// A fit in progress.
 pub struct Fit<'a> {
@@ -145,46 +20,6 @@ pub struct Fit<'a> {
     generation: usize,
     /// The inputs of the fit; hashing long logs takes a moment.
     origin: OnceLock<Origin>,
-}
-
-/// One generation of all runs.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Generation {
-    /// Number, from 1.
-    pub generation: usize,
-    /// Candidates simulated on all recordings.
-    pub evaluations: usize,
-    /// The runs that took part.
-    pub runs: Vec<RunGeneration>,
-}
-
-/// One generation of one run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RunGeneration {
-    /// Cost name.
-    pub cost: String,
-    /// Seed.
-    pub seed: u64,
-    /// Smallest cost of the generation.
-    pub best: f64,
-    /// Mean of its finite costs.
-    pub mean: f64,
-    /// CMA-ES step size; multiplies the entries' initial deviations.
-    pub sigma: f64,
-    /// Candidates whose simulation diverged.
-    pub diverged: usize,
-    /// Candidates that fell in at least one recording.
-    #[serde(default)]
-    pub fallen: usize,
-    /// Falls of all candidates in all recordings.
-    #[serde(default)]
-    pub falls: usize,
-    /// Smallest cost so far; of least squares that of the last step.
-    pub best_so_far: f64,
-    /// Its θ.
-    pub best_values: Vec<f64>,
-    /// Why the run ended, if this was its last generation.
-    pub stop: Option<Stop>,
 }
 
 impl<'a> Fit<'a> {

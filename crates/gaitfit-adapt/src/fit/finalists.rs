@@ -4,7 +4,7 @@
 //! So this candidate may only have been lucky: with other draws its cost may be larger, and its robot may fall. Therefore
 //! the last best candidates and the means of the searches' distributions are compared again, all with the same fresh draws.
 
-use super::driver::RandomNumbers;
+use super::options::RandomNumbers;
 use super::outcome::Redrawn;
 use super::{CostOutcome, FallPenalty, FitError, Job, evaluate};
 use crate::cost::Cost;

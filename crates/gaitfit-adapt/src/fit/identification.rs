@@ -4,7 +4,7 @@ use crate::Entry;
 use serde::{Deserialize, Serialize};
 
 /// A parameter whose interval is this part of its bounds or more is not identified.
-const MAX_SHARE: f64 = 0.5;
+pub const MAX_SHARE: f64 = 0.5;
 
 /// Whether an interval says something of an entry.
 pub(super) fn narrow(entry: &Entry, lower: f64, upper: f64) -> bool {

@@ -1,6 +1,6 @@
 //! The result of a fit: values, their spread over seeds, and whether they are at their bounds.
 
-use super::run::Stop;
+use super::stop::Stop;
 use super::{
     Alternative, Correction, FitError, Identification, MAX_SCANNED, MAX_TAKEN, NoiseSource, Problem,
     RandomNumbers, Regression, Uncertainty, Views, World, correct, identify, uncertainty,

@@ -1,8 +1,10 @@
 //! One run of a fit, by CMA-ES or least squares, and the checkpoint of all.
 
-use super::driver::{FitOptions, RunGeneration};
 use super::fall_risk::FallRisk;
+use super::generation::RunGeneration;
 use super::least_squares::{GaussNewton, Stepped};
+use super::options::FitOptions;
+use super::stop::Stop;
 use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{
@@ -10,22 +12,6 @@ use crate::cmaes::{
     default_population,
 };
 use serde::{Deserialize, Serialize};
-
-/// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stop {
-    /// It did its generations.
-    Generations,
-    /// Its deviations shrank to the tolerance.
-    Tolerance,
-    /// The smallest costs of its generations hardly changed, see [`FitOptions::patience`].
-    Patience,
-    /// The optimiser's own criteria: nothing changes any more.
-    Converged,
-    /// The optimiser's own criteria: it cannot continue (steps without bound, degenerate covariance).
-    Degenerate,
-}
 
 /// One run: a cost and a seed.
 #[derive(Clone, Debug)]

@@ -10,8 +10,8 @@ use gaitfit_model::{Model, escaped, shown};
 use gaitfit_sim::Candidate;
 use std::collections::HashSet;
 
-/// Most characters of a file's reason that are shown.
-const MAX_REASON: usize = 1000;
+/// Max number of characters of a file's reason that are shown.
+pub const MAX_REASON: usize = 1000;
 
 /// Readers of single numbers: the first that knows the kind applies it.
 type Reader = fn(&SavedParameter, &ReadContext<'_>, &mut Candidate) -> Option<Result<(), ThetaFileError>>;

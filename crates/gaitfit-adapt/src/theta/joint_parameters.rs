@@ -1,7 +1,6 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
 use super::read_context::ReadContext;
-use super::rules::every_joint;
 use super::saved::MAX_VALUE;
 use super::sharing::Share;
 use super::{
@@ -12,6 +11,11 @@ use gaitfit_model::patterns::covered;
 use gaitfit_model::{Joint, JointKind, Model};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
+
+/// Every joint: what a rule that is silent covers.
+pub(super) fn every_joint() -> Vec<String> {
+    vec!["*".to_owned()]
+}
 
 /// Longest delay that the engine simulates, s.
 const LONGEST_DELAY: f64 = 1.0;

@@ -22,12 +22,13 @@ mod saved;
 mod sharing;
 
 pub use entry::Entry;
+pub use file::MAX_REASON;
 pub use file_error::ThetaFileError;
 use file_error::short;
 pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
 pub use modification::{Found, LinearSpring, Modification};
-pub use network_kind::NetworkName;
+pub use network_kind::{LAYERS as NETWORK_LAYERS, NetworkName};
 pub use networks::{NetworkRule, NetworkStart};
 pub use prior::Prior;
 pub use robot_numbers::{RobotNumber, RobotRule};

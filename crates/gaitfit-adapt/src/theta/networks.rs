@@ -1,9 +1,9 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
+use super::joint_parameters::every_joint;
 use super::network_kind::{LAYERS, OUTPUT_WEIGHTS};
 use super::read_context::ReadContext;
-use super::rules::every_joint;
 use super::saved::MAX_VALUE;
 use super::{
     Entry, Found, LinearSpring, Modification, NetworkName, SavedNetwork, Sharing, ThetaError, ThetaFile,

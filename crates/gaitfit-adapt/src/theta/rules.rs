@@ -6,11 +6,6 @@ use gaitfit_model::patterns::covered;
 use super::{NetworkRule, ParameterRule, RobotRule, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
 
-/// Every joint: what a rule that is silent covers.
-pub(super) fn every_joint() -> Vec<String> {
-    vec!["*".to_owned()]
-}
-
 /// The rules of a configuration, a list a kind of modification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -1,6 +1,7 @@
 //! Arguments of the command that runs a policy on a robot.
 
 use clap::Args;
+pub use gaitfit::settings::PATIENCE;
 use gaitfit_robot::robot::BUILT_IN;
 use gaitfit_robot::{Robot, RobotError, Times};
 use std::num::NonZeroUsize;
@@ -8,9 +9,6 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
-
-/// Max age of a state and max delay of a loop on a robot, ms.
-pub const PATIENCE: u16 = 20;
 
 /// Times that a robot may stand before the policy acts, s.
 pub const STAND_S: RangeInclusive<f64> = 0.5..=120.0;

@@ -10,6 +10,7 @@ use crate::signals;
 use gaitfit::policy_file::{self, PolicyFile};
 use gaitfit::run::Owned;
 use gaitfit_model::argument;
+use gaitfit_policy::Policy;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
@@ -49,29 +50,12 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = robot.postures(&policy.interface).map_err(usage)?;
-    let patience = Duration::from_millis(args.link.patience.into());
-    let guard = GuardSettings { stale: patience, late: patience, simulator, ..robot.guard(control) };
-    let late_policy = guard.late_policy.max(2 * control + patience);
-    let guard = GuardSettings { late_policy, ..guard };
+    let guard = guard(args, &robot, control, simulator);
     let limits = guard.limits;
     let out = logs_of(args);
     // Until the summary is written: two walks into one folder would destroy each other's logs.
     let _owned = new_folder(&out)?;
-    let recorder = match who.logs() {
-        Some(count) => Recorder::of_walks(&out, count, &policy.interface, &robot),
-        None => Recorder::new(&out, &policy.interface, &robot),
-    };
-    let recorder = recorder.map_err(usage)?;
-    let recorder = if args.link.dry_run { recorder.dry() } else { recorder };
-    let controller = match &who {
-        Who::Script(script) => Controller::new(&robot, &policy, script, recorder),
-        Who::Remote(ranges) => Controller::new(&robot, &policy, ByRemote(*ranges), recorder),
-        Who::Keys(steering) => Controller::new(&robot, &policy, steering.clone(), recorder),
-        Who::Trials(trials) => {
-            Controller::new(&robot, &policy, Trials::new(trials, trial::next(args, trials)), recorder)
-        }
-    };
-    let controller = controller.map_err(usage)?;
+    let controller = controller(args, &robot, &policy, &who, &out).map_err(usage)?;
     // The link's threads inherit it.
     let real_time = real_time();
     let batch;
@@ -98,18 +82,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         controller,
         Live {
             confirm: &mut |state| {
-                let armed = signals::confirm(confirm(args, &robot, &who, stand, state));
-                match &who {
-                    Who::Trials(trials) if armed && !args.link.dry_run => {
-                        trial::write_form(args, trials).map_err(|failure| note(&failure.message)).is_ok()
-                    }
-                    Who::Keys(steering) if armed => {
-                        keys =
-                            Keyboard::listen(steering.clone()).map_err(|failure| note(&failure.message)).ok();
-                        keys.is_some()
-                    }
-                    _ => armed,
-                }
+                signals::confirm(confirm(args, &robot, &who, stand, state)) && prepared(args, &who, &mut keys)
             },
             phase: &mut |phase: Phase| {
                 note(phase.name());
@@ -128,6 +101,47 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     );
     drop(keys);
     finish(args, &who, summary)
+}
+
+/// The limits of a guard that waits for states and outputs as long as `--patience` says.
+fn guard(args: &Run, robot: &Robot, control: Duration, simulator: bool) -> GuardSettings {
+    let patience = Duration::from_millis(args.link.patience.into());
+    let guard = GuardSettings { stale: patience, late: patience, simulator, ..robot.guard(control) };
+    let late_policy = guard.late_policy.max(2 * control + patience);
+    GuardSettings { late_policy, ..guard }
+}
+
+/// The policy under the commands asked for, whose logs go to `out`.
+fn controller<'a>(
+    args: &'a Run,
+    robot: &Robot,
+    policy: &'a Policy,
+    who: &'a Who,
+    out: &Path,
+) -> Result<Controller<'a>, RobotError> {
+    let recorder = match who.logs() {
+        Some(count) => Recorder::of_walks(out, count, &policy.interface, robot),
+        None => Recorder::new(out, &policy.interface, robot),
+    }?;
+    let recorder = if args.link.dry_run { recorder.dry() } else { recorder };
+    match who {
+        Who::Script(script) => Controller::new(robot, policy, script, recorder),
+        Who::Remote(ranges) => Controller::new(robot, policy, ByRemote(*ranges), recorder),
+        Who::Keys(steering) => Controller::new(robot, policy, steering.clone(), recorder),
+        Who::Trials(trials) => {
+            Controller::new(robot, policy, Trials::new(trials, trial::next(args, trials)), recorder)
+        }
+    }
+}
+
+/// Prepares what an armed walk needs: the form of drift trials, or the keyboard. `false` if that failed.
+fn prepared(args: &Run, who: &Who, keys: &mut Option<Keyboard>) -> bool {
+    let prepared = match who {
+        Who::Trials(trials) if !args.link.dry_run => trial::write_form(args, trials),
+        Who::Keys(steering) => Keyboard::listen(steering.clone()).map(|keyboard| *keys = Some(keyboard)),
+        _ => Ok(()),
+    };
+    prepared.map_err(|failure| note(&failure.message)).is_ok()
 }
 
 /// Refuses options that do not go together.

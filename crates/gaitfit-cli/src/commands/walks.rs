@@ -8,11 +8,9 @@ use gaitfit::excite::playlist;
 use gaitfit::world::WorldSettings;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_policy::Policy;
-use gaitfit_robot::run::{Ranges, SPEEDS, Script, Steering, Trial, trials};
+use gaitfit_robot::run::{MAX_WALK_SECONDS, Ranges, SPEEDS, Script, Steering, Trial, trials};
 use std::path::Path;
 
-/// Longest run, s.
-const LONGEST: f64 = 3600.0;
 /// Most bytes of a file of commands.
 const MAX_BYTES: u64 = 64 << 20;
 /// Room for the rounding of decimal numbers, m/s or rad/s.
@@ -161,10 +159,10 @@ fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
 }
 
 fn check_length(option: &str, seconds: f64) -> Result<(), Failure> {
-    if (1.0..=LONGEST).contains(&seconds) {
+    if (1.0..=MAX_WALK_SECONDS).contains(&seconds) {
         return Ok(());
     }
-    Err(Failure::usage(format!("{option}: {seconds} s; give 1 to {LONGEST}")))
+    Err(Failure::usage(format!("{option}: {seconds} s; give 1 to {MAX_WALK_SECONDS}")))
 }
 
 /// Refuses walks that take longer than an hour; `named`: how many there are, and where that is said.
@@ -173,7 +171,7 @@ fn check_count(args: &Run, count: usize, seconds: f64, named: &str) -> Result<()
     if !(0.5..=60.0).contains(&pause) {
         return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
     }
-    let max = ((LONGEST + pause) / (seconds + pause)).floor();
+    let max = ((MAX_WALK_SECONDS + pause) / (seconds + pause)).floor();
     if count as f64 > max {
         return Err(Failure::usage(format!(
             "{named} of {seconds} s ({}) with pauses of {pause} s (--pause) take longer than an hour; give at most {max}",

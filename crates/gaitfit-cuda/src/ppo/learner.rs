@@ -16,8 +16,8 @@ use crate::runtime::{Argument, CudaError, Device, Event, Graph, Kernel, Stream};
 /// Min compute capability: matrix units take TF32 from Ampere on.
 const CAPABILITY: (i32, i32) = (8, 0);
 
-/// A logarithm of σ whose exponential is 0 in single precision.
-const NO_EXPLORATION: f32 = -1e4;
+/// A logarithm of σ whose exponential is 0 in single precision: so little exploration around an action is the action.
+pub(crate) const NO_EXPLORATION: f32 = -1e4;
 
 /// Networks, optimiser and samples in a GPU's memory; see the module.
 pub struct Learner {

@@ -26,6 +26,7 @@ pub use gaitfit_learn::ppo::Precision;
 pub use launch::{Array, Batch, Exchange, Id, Kind, Launch, Share, Value};
 pub use layout::TooWide;
 pub use learner::Learner;
+pub(crate) use learner::NO_EXPLORATION;
 pub use plan::Plan;
 pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};

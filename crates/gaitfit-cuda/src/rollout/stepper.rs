@@ -11,11 +11,9 @@ use super::run::Rollout;
 use super::scene::{Mode, Sizes};
 use super::shared::Shared;
 use super::sums::Sum;
-use crate::ppo::Storage;
+use crate::ppo::{NO_EXPLORATION, Storage};
 use crate::runtime::{Argument, CudaError, Device, Event, Graph, Stream};
 
-/// So little that exploration around an action is the action: exp of it is 0.
-const NO_EXPLORATION: f32 = -1e4;
 /// Value of `refused` if no action was refused.
 const NONE: u32 = u32::MAX;
 

@@ -1,6 +1,6 @@
 //! Checks that a configuration states.
 
-use super::results::CostFit;
+use super::cost_result::CostFit;
 use super::score::{Score, Validation, mean};
 use super::setup::Setup;
 use crate::settings::CheckConfig;

@@ -1,10 +1,10 @@
 //! The fit of one cost, from the outcome of its search.
 
 use super::audit::Audit;
+use super::cost_result::CostFit;
 use super::doubts;
 use super::leftover::Leftover;
 use super::parameter::Parameter;
-use super::results::CostFit;
 use super::score::{Robot, mean, validation};
 use super::setup::Setup;
 use super::standing::widening;

@@ -1,7 +1,7 @@
 //! Why a fit must not be used without checking, and what else a reader must know of it.
 
+use super::cost_result::CostFit;
 use super::parameter::Parameter;
-use super::results::CostFit;
 use super::standing::stopped_by_bound;
 use gaitfit_adapt::fit::{CostOutcome, Likeness, RunGeneration, Stop, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};

@@ -1,6 +1,7 @@
 //! A limit on the time of a whole fit.
 
-use super::results::{AdaptResults, CostFit};
+use super::cost_result::CostFit;
+use super::results::AdaptResults;
 use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;

@@ -1,9 +1,11 @@
 //! One entry of θ as found.
 
-use super::standing::APART;
 use gaitfit_adapt::Prior;
 use gaitfit_adapt::fit::ParameterOutcome;
 use serde::{Deserialize, Serialize};
+
+/// Standard errors between a fit and what was known before that are a disagreement.
+pub(super) const APART: f64 = 3.0;
 
 /// A parameter whose interval is narrower than this part of its bounds is identified, as in `gaitfit-adapt`.
 const NARROW: f64 = 0.5;

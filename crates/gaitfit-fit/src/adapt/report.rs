@@ -1,8 +1,9 @@
 //! From results to the page's plain data.
 
+use super::cost_result::CostFit;
 use super::held_out::{Distance, HeldOut, Verdict};
 use super::parameter::Parameter;
-use super::results::{AdaptResults, CostFit, MAX_SHOWN};
+use super::results::{AdaptResults, MAX_SHOWN};
 use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;

@@ -3,7 +3,7 @@
 use super::setup::Setup;
 use crate::Error;
 use crate::settings::{AdaptConfig, Base};
-use gaitfit_adapt::fit::{Problem, Sensitivity, off_bounds, sensitivity as measured};
+use gaitfit_adapt::fit::{MAX_IDENTIFIED_SHARE, Problem, Sensitivity, off_bounds, sensitivity as measured};
 use gaitfit_adapt::{Entry, SavedParameter, Theta};
 use gaitfit_model::shown_number;
 use serde::{Deserialize, Serialize};
@@ -11,8 +11,6 @@ use std::path::Path;
 
 /// Correlations above this make two parameters hard to tell apart.
 const ALIKE: f64 = 0.8;
-/// A parameter whose 95 % interval covers this part of its bounds or more is not told.
-const MAX_SHARE: f64 = 0.5;
 
 /// Precision with which logs identify the parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -56,7 +54,7 @@ pub struct ParameterSensitivity {
 /// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
 pub fn identifies(entry: &Entry, deviation: f64) -> bool {
     // A 95 % interval is about four standard deviations wide.
-    4.0 * deviation < MAX_SHARE * (entry.upper - entry.lower)
+    4.0 * deviation < MAX_IDENTIFIED_SHARE * (entry.upper - entry.lower)
 }
 
 /// `value`, if the search of `entry` could find it; `place` says where it is written.

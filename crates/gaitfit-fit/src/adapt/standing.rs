@@ -1,12 +1,13 @@
 //! Whether a fit may be used: its doubts in one list, and how firmly it stands.
 
 use super::audit::Audit;
+use super::cost_result::CostFit;
 use super::held_out::HeldOut;
 use super::leftover::Leftover;
-use super::parameter::Parameter;
-use super::results::CostFit;
+use super::parameter::{APART, Parameter};
 use super::score::Score;
 use gaitfit_adapt::RobotNumber;
+use gaitfit_model::listed;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
@@ -41,8 +42,6 @@ const REMEMBERS: f64 = 0.3;
 const ONE_JOINT: f64 = 3.0;
 /// Widening of an interval, as a factor less 1, for each root of the part of the variance that goes with motion.
 const WIDER: f64 = 10.0;
-/// Standard errors between a fit and what was known before that are a disagreement.
-pub(super) const APART: f64 = 3.0;
 /// An interval below this part of the bounds says that 0 was wanted, and not only allowed.
 const TIGHT: f64 = 0.05;
 /// Parameters that a doubt names.
@@ -211,7 +210,7 @@ pub(super) fn reconcile(fits: &mut [CostFit]) {
                  reach to both.",
                 first.cost_name,
                 other.cost_name,
-                listed(&apart)
+                listed(&apart, NAMED)
             );
             first.doubts.push(Doubt::new(DoubtKind::Disagreement, text));
         }
@@ -235,7 +234,7 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
         let text = format!(
             "The walks contradict the known values: {}. The simulator lacks something, or the known values are of \
              another robot. The intervals reach to both.",
-            listed(&far)
+            listed(&far, NAMED)
         );
         Doubt::new(DoubtKind::Disagreement, text)
     })
@@ -253,8 +252,10 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let mut reasons = Vec::new();
     if !stopped.is_empty() {
         let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
-        reasons
-            .push(format!("{} {rest} of the search: widen it, or fit further parameters.", listed(&stopped)));
+        reasons.push(format!(
+            "{} {rest} of the search: widen it, or fit further parameters.",
+            listed(&stopped, NAMED)
+        ));
     }
     if !empty.is_empty() {
         let (rest, exclude) = if empty.len() == 1 {
@@ -265,7 +266,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
         reasons.push(format!(
             "{} {rest} at 0 and {exclude} all else, which no real joint does: they stand for something that the \
              simulator lacks.",
-            listed(&empty)
+            listed(&empty, NAMED)
         ));
     }
     // If the errors are noise, an empty parameter alone does not condemn the fit.
@@ -303,11 +304,6 @@ pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
             .map(|one| [one.lower, one.upper])
             .or(parameter.interval)
             .is_some_and(narrow)
-}
-
-fn listed(names: &[String]) -> String {
-    let shown = names[..names.len().min(NAMED)].join(", ");
-    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }
 
 #[cfg(test)]

@@ -6,10 +6,7 @@ use crate::log::{self, Log};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ReplaySimulator, Theta};
 use gaitfit_model::Model;
-use gaitfit_sim::{Candidate, ReplayOptions};
-
-/// Most physics steps a sample, as the replay has it.
-const MAX_SUBSTEPS: usize = 1000;
+use gaitfit_sim::{Candidate, MAX_SUBSTEPS, ReplayOptions};
 
 /// Longest delay of a robot whose delay is not fitted, s: a fit tries whether one would explain its errors.
 const SUSPECTED_DELAY: f64 = 0.05;

@@ -1,8 +1,8 @@
 //! The parts of walking logs that count: stretches at the policy's rate that are long enough; and whether they are enough.
 
 use super::cuts::{Cut, CutKind};
-use super::logs::{Purpose, Read};
 use super::rate;
+use super::recorded::{Purpose, Read};
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;

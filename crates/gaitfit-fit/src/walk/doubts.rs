@@ -1,6 +1,6 @@
 //! Doubts about walking logs that do not keep them from being used, each in a sentence.
 
-use super::logs::Read;
+use super::recorded::Read;
 use crate::log::Log;
 use crate::machine;
 use crate::world::trained_task;

@@ -5,122 +5,23 @@
 //! limits were set with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`). With these limits a robot without
 //! a cause has none.
 
+pub use super::cause::{Cause, CauseKind};
+use super::cause::{matters, of_effect};
 use super::swing::{Estimate, SwingFindings};
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
-use serde::{Deserialize, Serialize};
 
-/// The kind of a cause.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum CauseKind {
-    /// Joint velocities are read late or through a filter.
-    VelocityLag,
-    /// The gyro reads a rate at rest.
-    GyroBias,
-    /// The inertial unit is tilted, or the floor slopes.
-    Tilt,
-    /// Joint positions come in steps.
-    EncoderStep,
-    /// Dry friction grows with the motor's torque.
-    LoadFriction,
-    /// Joints twist between motor and link.
-    Elasticity,
-    /// Joints have play between motor and link.
-    Backlash,
-    /// One joint has other friction than the same joint of other legs.
-    OddFriction,
-    /// One joint has a spring that the same joint of other legs does not have.
-    OddSpring,
-    /// The motor of one joint gives more or less torque than the same joint of other legs.
-    OddStrength,
-    /// The ground gives way, or is uneven.
-    Ground,
-}
-
-/// Something that the robot has and its model lacks.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Cause {
-    /// The kind.
-    pub kind: CauseKind,
-    /// The joint group or joint that has it; empty where it is of the whole robot.
-    pub of: String,
-    /// Its size, in `unit`, and the standard error.
-    pub size: Estimate,
-    /// Unit of the size.
-    pub unit: String,
-    /// The size over the smallest one that changes how a robot walks; the list is ordered by it.
-    pub weight: f64,
-    /// The cause with its evidence and its remedy, in a sentence.
-    pub text: String,
-}
-
-impl Cause {
-    /// The sentence without its remedy.
-    pub fn effect(&self) -> &str {
-        self.text.split(REMEDY).next().unwrap_or_default()
-    }
-}
-
-/// The words before a remedy.
-const REMEDY: &str = " (fit it";
-
-/// Smallest sizes that change how a robot walks.
-mod matters {
-    /// Lag of joint velocities, s.
-    pub const LAG: f64 = 1e-3;
-    /// Rate that the gyro reads at rest, rad/s.
-    pub const GYRO: f64 = 0.003;
-    /// Tilt of the inertial unit, rad.
-    pub const TILT: f64 = 0.005;
-    /// Step of joint positions, rad.
-    pub const STEP: f64 = 0.0015;
-    /// Friction under load, N·m for each N·m of the motor's torque.
-    pub const LOAD: f64 = 0.03;
-    /// Twist between motor and link, rad for each N·m.
-    pub const TWIST: f64 = 0.0015;
-    /// Play between motor and link, rad.
-    pub const PLAY: f64 = 0.01;
-    /// Difference of a joint's dry friction from that of its siblings, N·m.
-    pub const FRICTION: f64 = 0.05;
-    /// Stiffness of a spring on a single joint, N·m/rad.
-    pub const SPRING: f64 = 2.0;
-    /// Difference of a motor's strength from that of its siblings, part of the torque.
-    pub const STRENGTH: f64 = 0.12;
-    /// Difference in height of feet that stand together, root mean square, m.
-    pub const HEIGHT: f64 = 0.006;
-}
-
-/// Standard errors from which on a size is sure. Effects of joints are many, so theirs must be surer.
-const SURE: f64 = 4.0;
-const SURER: f64 = 8.0;
-/// A tilt must be surer still: on soft ground standing feet show one of a few errors.
+/// A tilt must be surer than other effects of sensors: on soft ground standing feet show one of a few errors.
 const SUREST: f64 = 10.0;
-/// Parts of what is left that an effect must explain.
-const OF_SWINGS: f64 = 0.1;
-const OF_ONE_JOINT: f64 = 0.08;
-const OF_HEIGHTS: f64 = 0.3;
-/// Play explains little of the heights.
-const OF_PLAY: f64 = 0.02;
-/// Joints with much play respond less to their motors in swings than their masses imply: by this part of the torque, which
-/// explains this part of what swings leave.
-const SLACK: [f64; 2] = [-0.25, 0.25];
-/// Play above this is no play, rad.
-const MAX_PLAY: f64 = 0.1;
-/// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
-const MAX_LOAD_FRICTION: f64 = 0.4;
-/// If the friction of a joint differs by more than this many times its group's, the reason is another one.
-const TOO_ODD: f64 = 3.0;
-/// A motor that lacks more than this part of its torque does not swing a leg. A larger lack has another cause.
-const WEAKEST: f64 = -0.9;
 
 /// The causes that `findings` show, the largest weight first.
 pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(findings);
+    let shown = |effect: &Effect| of_effect(effect, findings.swings.as_ref());
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
         findings.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
-    causes.extend(others.into_iter().filter_map(|effect| of_effect(effect, findings)));
+    causes.extend(others.into_iter().filter_map(shown));
     // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
     let others: Vec<(CauseKind, String)> = causes
         .iter()
@@ -134,27 +35,12 @@ pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     // group seldom rubs alone.
     if others.is_empty() {
         let is_new = |play: &Cause| !causes.iter().any(|old| old.kind == play.kind && old.of == play.of);
-        let plays = swings.into_iter().filter_map(|effect| of_effect(effect, findings));
+        let plays = swings.into_iter().filter_map(shown);
         let plays: Vec<Cause> = plays.filter(is_new).collect();
         causes.extend(plays);
     }
     causes.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     causes
-}
-
-/// The joint group whose twist under load the logs show most surely, if they show any.
-pub fn twisting(findings: &SwingFindings) -> Option<String> {
-    let twists =
-        |effect: &&Effect| effect.kind == EffectKind::Elasticity && of_effect(effect, findings).is_some();
-    let surest = |a: &&Effect, b: &&Effect| a.sure().total_cmp(&b.sure());
-    findings.effects.iter().filter(twists).max_by(surest).map(|effect| effect.of.clone())
-}
-
-/// Springs and strengths of single joints among the causes.
-pub fn singles(findings: &SwingFindings) -> impl Iterator<Item = &Effect> {
-    let is_cause = |effect: &&Effect| of_effect(effect, findings).is_some();
-    let is_single = |effect: &&Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
-    findings.effects.iter().filter(is_single).filter(is_cause)
 }
 
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
@@ -256,143 +142,6 @@ fn sensors(findings: &SwingFindings) -> Vec<Cause> {
         add(CauseKind::EncoderStep, size, "rad", matters::STEP, text);
     }
     causes
-}
-
-fn of_effect(effect: &Effect, findings: &SwingFindings) -> Option<Cause> {
-    let Estimate { value, error } = effect.beyond();
-    let (of, part) = (&effect.of, 100.0 * effect.share);
-    // The part belongs to the whole size.
-    let explains = |residual: &str| match effect.without {
-        Some(_) => String::new(),
-        None => format!(", which explains {part:.0} % of the residual of {residual}"),
-    };
-    let enough =
-        |min: f64, sure: f64, share: f64| value > min && effect.sure() > sure && effect.share > share;
-    let group_friction = || {
-        let groups = &findings.swings.as_ref()?.groups;
-        groups.iter().find(|group| group.joints.contains(of)).map(|group| group.friction.value)
-    };
-    let (kind, unit, min, text) = match effect.kind {
-        EffectKind::LoadFriction if enough(matters::LOAD, SURER, OF_SWINGS) && value < MAX_LOAD_FRICTION => (
-            CauseKind::LoadFriction,
-            "-",
-            matters::LOAD,
-            format!(
-                "dry friction of {of} grows by {value:.3} ± {error:.3} N·m for each N·m of the motor's torque{} (fit it: \
-                 load_friction)",
-                explains("legs in the air")
-            ),
-        ),
-        EffectKind::Elasticity if enough(matters::TWIST, SURER, OF_HEIGHTS) => (
-            CauseKind::Elasticity,
-            "rad/(N·m)",
-            matters::TWIST,
-            format!(
-                "{of} joints twist between motor and link by {value:.4} ± {error:.4} rad for each N·m, or \
-                 {:.0} N·m/rad{} (fit it: compliance)",
-                1.0 / value,
-                explains("the heights of standing feet")
-            ),
-        ),
-        // Without simulated robots, play cannot be told from the geometry of standing legs.
-        EffectKind::Backlash
-            if effect.without.is_some() && enough(matters::PLAY, SURE, OF_PLAY) && value < MAX_PLAY =>
-        {
-            (
-                CauseKind::Backlash,
-                "rad",
-                matters::PLAY,
-                format!(
-                    "{of} joints have about {value:.3} ± {error:.3} rad of play between motor and link: the heights of standing \
-                 feet show this much more than those of simulated robots without play (fit it: play)"
-                ),
-            )
-        }
-        EffectKind::Strength
-            if effect.without.is_some()
-                && value < SLACK[0]
-                && effect.sure() > SURE
-                && effect.share > SLACK[1] =>
-        {
-            (
-                CauseKind::Backlash,
-                "-",
-                matters::STRENGTH,
-                format!(
-                    "{of} joints respond {:.0} ± {:.0} % less to their motors in swings than those of simulated robots without \
-                     play: they have play between motor and link, or weak motors (fit it: play)",
-                    -100.0 * value,
-                    100.0 * error
-                ),
-            )
-        }
-        EffectKind::OddFriction
-            if value.abs() > matters::FRICTION
-                && effect.sure() > SURER
-                && effect.share > OF_ONE_JOINT
-                && value.abs() < TOO_ODD * group_friction()?.max(matters::FRICTION) =>
-        {
-            let than = if value > 0.0 { "more" } else { "less" };
-            (
-                CauseKind::OddFriction,
-                "N·m",
-                matters::FRICTION,
-                format!(
-                    "{of} has {:.2} ± {error:.2} N·m {than} dry friction than the same joint of the other legs (fit it: \
-                     frictionloss with per = \"joint\")",
-                    value.abs()
-                ),
-            )
-        }
-        EffectKind::OddSpring
-            if value.abs() > matters::SPRING && effect.sure() > SURER && effect.share > OF_ONE_JOINT =>
-        {
-            let rest = effect.rest.unwrap_or_default();
-            let weak = if value > 0.0 { "" } else { " (a weak motor may look so)" };
-            (
-                CauseKind::OddSpring,
-                "N·m/rad",
-                matters::SPRING,
-                format!(
-                    "{of} has a spring of {value:.1} ± {error:.1} N·m/rad, at rest at {rest:.2} rad; the same joint of \
-                     most other legs has none{weak}; it explains {part:.0} % of the residual of legs in the air (fit it: \
-                     stiffness and spring_torque of this joint)"
-                ),
-            )
-        }
-        EffectKind::OddStrength
-            if value.abs() > matters::STRENGTH
-                && value > WEAKEST
-                && effect.sure() > SURER
-                && effect.share > OF_ONE_JOINT =>
-        {
-            let than = if value > 0.0 { "more" } else { "less" };
-            (
-                CauseKind::OddStrength,
-                "-",
-                matters::STRENGTH,
-                format!(
-                    "the motor of {of} gives {:.0} ± {:.0} % {than} torque than the same joint of most other legs, or its gains \
-                     are wrong; it explains {part:.0} % of the residual of legs in the air (fit it: torque_scale of this joint)",
-                    100.0 * value.abs(),
-                    100.0 * error
-                ),
-            )
-        }
-        EffectKind::UnevenGround if enough(matters::HEIGHT, SURER, 0.0) => (
-            CauseKind::Ground,
-            "m",
-            matters::HEIGHT,
-            format!(
-                "feet that stand together are {:.0} mm apart in height: the ground gives way (fit it: ground_softness), or is \
-                 uneven",
-                1e3 * value
-            ),
-        ),
-        _ => return None,
-    };
-    let weight = value.abs() / min;
-    Some(Cause { kind, of: of.clone(), size: effect.beyond(), unit: unit.to_owned(), weight, text })
 }
 
 #[cfg(test)]

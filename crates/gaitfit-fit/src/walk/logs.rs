@@ -8,6 +8,7 @@ use super::falling::Falling;
 use super::log_files::{self, LogFile};
 use super::mounting;
 use super::policy_check::{self, PolicyMatch};
+pub use super::recorded::{Purpose, Read};
 use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate, reference, wheels};
 use crate::Error;
@@ -27,19 +28,10 @@ use gaitfit_policy::Policy;
 use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Max numbers in all logs of a fit together. A fit needs about ten times their memory, 0.8 GB.
 const MAX_VALUES: usize = 10_000_000;
-
-/// The use of the logs that are read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// A fit: it needs a minimum of data, and warns of commands without data.
-    Fit,
-    /// Validating a fit: any stretch that counts is enough.
-    Validation,
-}
 
 /// The logs, and what was noticed in them.
 #[derive(Clone, Debug)]
@@ -75,44 +67,6 @@ impl LogNotes {
     /// Parts of the policy's commands without data, in words.
     pub fn uncovered(&self) -> Vec<String> {
         self.coverage.uncovered()
-    }
-}
-
-/// A log as read, joints in the policy's order.
-pub struct Read {
-    /// The file that it was read from.
-    pub file: LogFile,
-    /// Files beside it that were read.
-    pub sidecars: Vec<PathBuf>,
-    /// The log's own names of the joints.
-    pub joints: Vec<String>,
-    /// Changes that reading the log made.
-    pub noticed: Vec<Finding>,
-    /// Findings that the log itself allows.
-    allowed: Vec<FindingKind>,
-    /// Its samples as recorded.
-    pub trajectory: Trajectory,
-    /// Changes of its times on reading, in words.
-    even: Option<String>,
-    /// The place in a motion that was assumed, in words.
-    motion: Option<String>,
-}
-
-#[cfg(test)]
-impl Read {
-    /// A log that no file holds.
-    pub fn new(file: LogFile, trajectory: Trajectory) -> Self {
-        let joints = trajectory.joints.clone();
-        Self {
-            file,
-            sidecars: Vec::new(),
-            joints,
-            noticed: Vec::new(),
-            allowed: Vec::new(),
-            trajectory,
-            even: None,
-            motion: None,
-        }
     }
 }
 

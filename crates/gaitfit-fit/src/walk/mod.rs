@@ -1,11 +1,13 @@
 //! Walking logs: reading them, and running the policy in the simulator under their commands.
 
+pub mod cause;
 mod counted;
 pub mod coverage;
 pub mod cuts;
 pub mod doubts;
 pub mod explain;
 pub mod falling;
+pub mod findings;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;
@@ -13,6 +15,7 @@ pub mod mounting;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;
+mod recorded;
 pub mod recorder;
 pub(crate) mod reference;
 pub mod remedy;
@@ -22,6 +25,7 @@ pub mod simulator;
 pub mod singles;
 pub mod sized;
 pub mod swing;
+pub mod swing_numbers;
 pub mod tilt;
 pub mod walking;
 pub(crate) mod wheels;

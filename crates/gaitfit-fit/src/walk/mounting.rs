@@ -4,7 +4,7 @@
 //! Gravity alone shows an upside-down unit, not about which axis it was turned, and nothing of one that is turned about the
 //! vertical. Of the 24 turns by right angles one makes the logged actions the policy's.
 
-use super::logs::Read;
+use super::recorded::Read;
 use super::{policy_check, rate, reference};
 use gaitfit_log::{ImuSettings, Trajectory};
 use gaitfit_policy::Policy;

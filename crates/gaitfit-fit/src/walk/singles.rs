@@ -1,13 +1,13 @@
 //! Springs and strengths of single joints, as legs in the air show them: in the model, in logs, and as numbers of a fit.
 
-use super::explain;
-use super::swing::{Estimate, SwingFindings, SwingNumber, SwingReport, SwingSettings};
+use super::findings::SwingFindings;
+use super::swing_numbers::SwingNumber;
 use crate::watch::Watch;
 use gaitfit_adapt::JointParameter;
-use gaitfit_log::Trajectory;
+use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
 use gaitfit_model::patterns::plain;
-use gaitfit_swing::{Effect, EffectKind, Walk, estimate_walks};
+use gaitfit_swing::{Effect, EffectKind, SwingReport, SwingSettings, Walk, estimate_walks};
 
 /// Max number of times that logs are examined again with the springs and strengths that were found.
 const SINGLE_ROUNDS: usize = 4;
@@ -26,7 +26,7 @@ pub fn examine(
     let again = near(first, settings);
     for _ in 0..SINGLE_ROUNDS {
         // One at a time: a joint with a spring changes what its siblings seem to have.
-        let more = explain::singles(findings).max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
+        let more = findings.singles().max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
         let Some(more) = more else { break };
         // A strength changes the gains of the walks, a spring the model. The walks keep the strengths of earlier rounds.
         let joint = model.joints.iter().position(|joint| joint.name == more.of);
@@ -131,5 +131,5 @@ pub fn single_numbers(findings: &SwingFindings) -> Vec<SwingNumber> {
             number(single, JointParameter::SpringTorque, torque_of(single), of_torque),
         ]
     };
-    explain::singles(findings).flat_map(of_single).collect()
+    findings.singles().flat_map(of_single).collect()
 }

@@ -5,7 +5,8 @@ use crate::columnar::Values;
 use crate::columnar_error::damaged;
 use crate::problem::Problem;
 
-const CUT: &str = "a page is cut short";
+/// Why a page cannot be read.
+pub(super) const CUT: &str = "a page is cut short";
 
 /// Type of a column's numbers in its pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! A column's pages: unpacked within the budget, whatever sizes they state.
 
-use super::encodings::{Physical, delta, dictionary, hybrid, plain, split};
+use super::encodings::{CUT, Physical, delta, dictionary, hybrid, plain, split};
 use super::schema::Leaf;
 use crate::budget::{Budget, read_all, unzstd};
 use crate::columnar::{Column, Values};
@@ -13,7 +13,6 @@ use std::borrow::Cow;
 
 /// Max number of bytes that a page's header may make: it holds names and statistics.
 const MAX_HEADER: usize = 1 << 20;
-const CUT: &str = "a page is cut short";
 
 /// Adds the column's values in one row group, which begins at row `first`, to `column`.
 pub(super) fn read(

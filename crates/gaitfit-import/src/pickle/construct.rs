@@ -1,31 +1,12 @@
 //! The constructors that pickled logs use, as functions of data. What is not in this file is refused.
 
 use super::PickleError;
-use super::machine::{Id, Node};
+use super::node::{Id, Node, RawArray, Tensor};
 use crate::arrays::count;
 use crate::budget::Budget;
 use crate::dtype::DType;
 use crate::problem::Problem;
 use std::rc::Rc;
-
-/// A NumPy array as it was pickled.
-#[derive(Debug)]
-pub(crate) struct RawArray {
-    pub dtype: DType,
-    pub shape: Vec<usize>,
-    pub fortran: bool,
-    pub bytes: Rc<[u8]>,
-}
-
-/// A PyTorch tensor: a view of numbers in another file.
-#[derive(Debug)]
-pub(crate) struct Tensor {
-    pub key: Rc<str>,
-    pub dtype: DType,
-    pub offset: usize,
-    pub shape: Vec<usize>,
-    pub stride: Vec<usize>,
-}
 
 /// Max number of axes of an array.
 const MAX_AXES: usize = 16;

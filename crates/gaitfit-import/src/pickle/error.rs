@@ -1,6 +1,6 @@
 //! What can be wrong with a pickle.
 
-use super::machine::MAX_NODES;
+use super::node::MAX_NODES;
 use gaitfit_model::{escaped, shown};
 
 /// What is wrong with a pickle.

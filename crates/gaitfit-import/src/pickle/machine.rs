@@ -2,47 +2,10 @@
 
 use super::PickleError;
 use super::construct;
+use super::node::{Id, MAX_NODES, Node, Pickle};
 use crate::budget::Budget;
 use crate::problem::Problem;
 use std::collections::HashMap;
-use std::rc::Rc;
-
-/// Max number of objects of a pickle. Each takes some tens of bytes.
-pub(super) const MAX_NODES: usize = 20_000_000;
-
-/// Number of an object.
-pub(crate) type Id = usize;
-
-/// An object.
-#[derive(Clone, Debug)]
-pub(crate) enum Node {
-    None,
-    Number(f64),
-    Text(Rc<str>),
-    Bytes(Rc<[u8]>),
-    /// Lists, tuples and sets.
-    List(Vec<Id>),
-    Dict(Vec<(Id, Id)>),
-    /// The name of a class or function, not the thing itself.
-    Global(Rc<str>),
-    /// A NumPy array; its content comes after it is made.
-    Array(Rc<construct::RawArray>),
-    /// A NumPy type of numbers.
-    DType(crate::dtype::DType),
-    /// Numbers in another file of the archive: key and type.
-    Storage(Rc<str>, crate::dtype::DType),
-    /// A PyTorch tensor.
-    Tensor(Rc<construct::Tensor>),
-}
-
-/// A pickle as data.
-#[derive(Debug)]
-pub(crate) struct Pickle {
-    /// All objects.
-    pub nodes: Vec<Node>,
-    /// The one that was saved.
-    pub root: Id,
-}
 
 struct Machine<'a> {
     rest: &'a [u8],

@@ -7,8 +7,10 @@
 mod construct;
 mod error;
 mod machine;
+mod node;
 mod numbers;
 
 pub use error::PickleError;
-pub(crate) use machine::{Node, Pickle, read};
+pub(crate) use machine::read;
+pub(crate) use node::{Node, Pickle};
 pub(crate) use numbers::arrays;

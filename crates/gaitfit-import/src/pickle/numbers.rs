@@ -1,8 +1,7 @@
 //! Makes named arrays of a pickle's objects.
 
 use super::PickleError;
-use super::construct::{RawArray, Tensor};
-use super::machine::{Id, Node, Pickle};
+use super::node::{Id, Node, Pickle, RawArray, Tensor};
 use crate::arrays::{Array, Arrays, count};
 use crate::budget::Budget;
 use crate::npz::numbers;

@@ -1,11 +1,10 @@
 //! CDR, the encoding of ROS 2 messages (OMG DDS-XTypes 1.3, clause 7.4): plain CDR of version 1 and 2.
 
 use super::MessageError;
+use super::limits::DEEPEST;
 use super::schema::{Base, Count, Schema};
 use super::value::Value;
 
-/// Deepest type in types.
-pub(super) const DEEPEST: usize = 32;
 /// Max number of elements of a message. Each takes some tens of bytes; pictures and point clouds are not counted.
 const MAX_ELEMENTS: usize = 4_000_000;
 /// Sequences of bytes longer than this are pictures or point clouds and are passed over.

@@ -1,5 +1,6 @@
 //! The messages of a bag's topics: from bytes to tables, on one clock.
 
+use super::limits::{MAX_JSON, MAX_TOPICS};
 use super::value::Value;
 use super::{MessageError, cdr, message, schema};
 use crate::budget::Budget;
@@ -12,10 +13,6 @@ use indexmap::IndexMap;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// Max number of topics of a bag.
-pub(super) const MAX_TOPICS: usize = 10_000;
-/// Largest message in JSON, bytes: decoded it takes some thirty times as much.
-pub(super) const MAX_JSON: usize = 8 << 20;
 /// Memory of a field of a definition, in numbers of 8 bytes.
 const FIELD_VALUES: usize = 10;
 

@@ -1,8 +1,6 @@
 //! What can be wrong with a message or its definition.
 
-use super::cdr::DEEPEST;
-use super::channel::{MAX_JSON, MAX_TOPICS};
-use super::schema::{MAX_BYTES, MAX_FIELDS, MAX_NAME, MAX_TYPES};
+use super::limits::{DEEPEST, MAX_BYTES, MAX_FIELDS, MAX_JSON, MAX_NAME, MAX_TOPICS, MAX_TYPES};
 use crate::table::MAX_COLUMNS;
 use gaitfit_model::shown;
 

@@ -1,7 +1,8 @@
 //! What of a message is a log's: by the fields that it has, so that a type of one's own that looks like a known one is read.
 
 use super::value::Value;
-use crate::known::{COMMAND, QUATERNION, RATES, Role};
+use crate::known::Role;
+use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, COMMAND};
 
 /// Columns and values of one message.
 pub(crate) type Columns = Vec<(String, f64)>;
@@ -120,8 +121,8 @@ fn unitree_imu(message: &Value, out: &mut Columns) {
     let quaternion = imu.get(&["quaternion"]).and_then(Value::numbers).unwrap_or_default();
     // Zeros are sent where there is no IMU.
     if quaternion.iter().any(|part| *part != 0.0) {
-        add("quaternion", &QUATERNION);
-        add("gyroscope", &RATES);
+        add("quaternion", &BASE_QUATERNION);
+        add("gyroscope", &BASE_RATES);
     }
 }
 
@@ -137,10 +138,10 @@ fn imu(message: &Value, out: &mut Columns) {
         ["w", "x", "y", "z"].iter().map(|name| part(orientation, name)).collect();
     let rates: Option<Vec<f64>> = ["x", "y", "z"].iter().map(|name| part(rates, name)).collect();
     if let Some(quaternion) = quaternion.filter(|parts| parts.iter().any(|part| *part != 0.0)) {
-        out.extend(QUATERNION.iter().zip(quaternion).map(|(name, value)| ((*name).to_owned(), value)));
+        out.extend(BASE_QUATERNION.iter().zip(quaternion).map(|(name, value)| ((*name).to_owned(), value)));
     }
     if let Some(rates) = rates {
-        out.extend(RATES.iter().zip(rates).map(|(name, value)| ((*name).to_owned(), value)));
+        out.extend(BASE_RATES.iter().zip(rates).map(|(name, value)| ((*name).to_owned(), value)));
     }
 }
 

@@ -4,6 +4,7 @@ mod builtin;
 mod cdr;
 pub(crate) mod channel;
 mod error;
+mod limits;
 mod message;
 mod schema;
 mod value;

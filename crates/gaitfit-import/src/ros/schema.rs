@@ -2,17 +2,9 @@
 
 use super::MessageError;
 use super::builtin;
+use super::limits::{MAX_BYTES, MAX_FIELDS, MAX_NAME, MAX_TYPES};
 use std::collections::HashMap;
 use std::rc::Rc;
-
-/// Largest definition, bytes.
-pub(super) const MAX_BYTES: usize = 1 << 20;
-/// Max number of types in a definition.
-pub(super) const MAX_TYPES: usize = 2000;
-/// Max number of fields in a definition.
-pub(super) const MAX_FIELDS: usize = 20_000;
-/// Longest name of a type or a field, bytes. A package's name is repeated in those of all its types.
-pub(super) const MAX_NAME: usize = 256;
 
 /// Type of one element of a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

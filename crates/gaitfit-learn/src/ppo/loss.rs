@@ -1,5 +1,6 @@
 //! Clipped losses of PPO on a tile of rows, with their derivatives by the networks' outputs.
 
+use super::Samples;
 use gaitfit_policy::network::Scalar;
 
 /// ½ ln 2π.
@@ -20,6 +21,33 @@ pub(super) struct Targets<T> {
     pub(super) value: Vec<T>,
     /// Values to learn.
     pub(super) returns: Vec<T>,
+}
+
+impl Targets<f32> {
+    /// Takes what the policy's loss needs of these rows of tiles.
+    pub(super) fn gather_for_policy<'a>(&mut self, rows: impl Iterator<Item = (&'a Samples, usize)>) {
+        let Self { action, mean, log_probability, advantage, .. } = self;
+        for numbers in [&mut *action, mean, log_probability, advantage] {
+            numbers.clear();
+        }
+        for (tile, row) in rows {
+            let width = tile.widths.action;
+            action.extend_from_slice(&tile.action[row * width..(row + 1) * width]);
+            mean.extend_from_slice(&tile.mean[row * width..(row + 1) * width]);
+            log_probability.push(tile.log_probability[row]);
+            advantage.push(tile.advantage[row]);
+        }
+    }
+
+    /// Takes what the value's loss needs of these rows of tiles.
+    pub(super) fn gather_for_value<'a>(&mut self, rows: impl Iterator<Item = (&'a Samples, usize)>) {
+        self.value.clear();
+        self.returns.clear();
+        for (tile, row) in rows {
+            self.value.push(tile.value[row]);
+            self.returns.push(tile.returns[row]);
+        }
+    }
 }
 
 /// Numbers that hold for a whole minibatch.

@@ -137,17 +137,7 @@ impl SequenceWorker<f32> {
         let width = |tile: &Samples| tile.widths.observation;
         let sizes =
             self.gather(tiles, places, scale, |tile| (&tile.observation, width(tile), &tile.actor_memory));
-        let Targets { action, mean, log_probability, advantage, .. } = &mut self.targets;
-        for numbers in [&mut *action, mean, log_probability, advantage] {
-            numbers.clear();
-        }
-        for (tile, row) in rows(tiles, places, sizes[0]) {
-            let width = tile.widths.action;
-            action.extend_from_slice(&tile.action[row * width..(row + 1) * width]);
-            mean.extend_from_slice(&tile.mean[row * width..(row + 1) * width]);
-            log_probability.push(tile.log_probability[row]);
-            advantage.push(tile.advantage[row]);
-        }
+        self.targets.gather_for_policy(rows(tiles, places, sizes[0]));
         sizes
     }
 
@@ -157,13 +147,7 @@ impl SequenceWorker<f32> {
         let sizes = self.gather(tiles, places, scale, |tile| {
             (&tile.critic_observation, width(tile), &tile.critic_memory)
         });
-        let Targets { value, returns, .. } = &mut self.targets;
-        value.clear();
-        returns.clear();
-        for (tile, row) in rows(tiles, places, sizes[0]) {
-            value.push(tile.value[row]);
-            returns.push(tile.returns[row]);
-        }
+        self.targets.gather_for_value(rows(tiles, places, sizes[0]));
         sizes
     }
 

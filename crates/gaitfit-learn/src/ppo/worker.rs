@@ -91,34 +91,25 @@ impl Worker<f32> {
     /// Copies what [`Self::policy`] needs of the samples at `places`, at most [`TILE`], into this worker; observations
     /// normalised if there are scales.
     pub(super) fn gather_for_policy(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) {
-        let Targets { action, mean, log_probability, advantage, .. } = &mut self.targets;
-        for numbers in [&mut *action, mean, log_probability, advantage] {
-            numbers.clear();
-        }
-        for (to, place) in places.iter().enumerate() {
-            let (tile, row) = (&tiles[place.tile as usize], place.row as usize);
+        for (to, (tile, row)) in rows(tiles, places).enumerate() {
             copy(&mut self.observation, to, &tile.observation, row, tile.widths.observation, scale);
-            let width = tile.widths.action;
-            action.extend_from_slice(&tile.action[row * width..(row + 1) * width]);
-            mean.extend_from_slice(&tile.mean[row * width..(row + 1) * width]);
-            log_probability.push(tile.log_probability[row]);
-            advantage.push(tile.advantage[row]);
         }
+        self.targets.gather_for_policy(rows(tiles, places));
     }
 
     /// As [`Self::gather_for_policy`], for [`Self::value`].
     pub(super) fn gather_for_value(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) {
-        let Targets { value, returns, .. } = &mut self.targets;
-        value.clear();
-        returns.clear();
-        for (to, place) in places.iter().enumerate() {
-            let (tile, row) = (&tiles[place.tile as usize], place.row as usize);
+        for (to, (tile, row)) in rows(tiles, places).enumerate() {
             let width = tile.widths.critic_observation;
             copy(&mut self.critic_observation, to, &tile.critic_observation, row, width, scale);
-            value.push(tile.value[row]);
-            returns.push(tile.returns[row]);
         }
+        self.targets.gather_for_value(rows(tiles, places));
     }
+}
+
+/// Tile and row of the samples at `places`.
+fn rows<'a>(tiles: &'a [Samples], places: &'a [Place]) -> impl Iterator<Item = (&'a Samples, usize)> {
+    places.iter().map(|place| (&tiles[place.tile as usize], place.row as usize))
 }
 
 /// Row `from` of `source` to row `to` of `target`, both of `width`.

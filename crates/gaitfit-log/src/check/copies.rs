@@ -1,8 +1,8 @@
 //! Are the signals what they claim to be, and not copies of others or zeros of another writer?
 
-use super::stats::{deviation, range};
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
+use crate::stats::{deviation, range};
 use gaitfit_model::shown_number;
 
 /// A joint that deviates by less than this, rad, does not show what its target is.

@@ -4,8 +4,8 @@
 //! something first goes wrong.
 
 use super::CheckSpec;
-use super::following::{TILTED, is_stuck, runs};
-use super::windows::{Window, windows};
+use super::following::{TILTED, is_stuck};
+use super::windows::{Window, runs, windows};
 use crate::Trajectory;
 use serde::Serialize;
 use std::ops::Range;

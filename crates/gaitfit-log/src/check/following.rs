@@ -4,19 +4,12 @@
 //! the joints that are asked to move do not. Standing still under a constant target asks nothing and is no
 //! finding.
 
-use super::stats::{decimals, mean, median};
-use super::windows::{Joint, Window, windows};
+use super::windows::{COMMANDED, FAR, Joint, Window, runs, windows};
 use super::{CheckSpec, FindingKind, Findings, Severity};
+use crate::stats::{decimals, mean, median};
 use crate::{Signal, Trajectory};
 use gaitfit_model::{shown, shown_number};
 
-/// Windows in a row that make a finding; they overlap by half, so this is 1.5 windows.
-const IN_A_ROW: usize = 2;
-/// Distance from target or pose, rad, that no standing robot's load explains: a loaded Go2 calf at kp 20
-/// sags by 0.4.
-pub(super) const FAR: f64 = 0.6;
-/// Command norm (m/s and rad/s together) that asks for walking.
-const COMMANDED: f64 = 0.1;
 /// cos 60°: upright component of the base's z axis below which the robot fell.
 pub(super) const TILTED: f64 = 0.5;
 /// Time below it, s, that is a fall and not a stumble.
@@ -39,26 +32,6 @@ pub(super) fn is_stuck(window: &Window) -> bool {
     let asked = window.joints.iter().filter(|joint| joint.asked).count();
     let held = window.joints.iter().filter(|joint| joint.asked && !joint.follows).count();
     held >= 2 && 2 * held > asked
-}
-
-/// Runs of `IN_A_ROW` or more true windows (any, when there are fewer windows than that), as window ranges.
-pub(super) fn runs(flags: &[bool]) -> Vec<std::ops::Range<usize>> {
-    let needed = IN_A_ROW.min(flags.len());
-    let mut runs = Vec::new();
-    let mut start = None;
-    for (i, flag) in flags.iter().chain([&false]).enumerate() {
-        match (flag, start) {
-            (true, None) => start = Some(i),
-            (false, Some(from)) => {
-                if i - from >= needed {
-                    runs.push(from..i);
-                }
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    runs
 }
 
 fn span(windows: &[Window]) -> std::ops::Range<usize> {

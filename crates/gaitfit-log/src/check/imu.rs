@@ -1,11 +1,10 @@
 //! Does the inertial unit agree with itself, with gravity, and with the legs?
 
-use super::following::runs;
-use super::stats::{decimals, short};
-use super::windows::{Window, windows};
+use super::windows::{COMMANDED, Window, runs, windows};
 use super::{CheckSpec, Finding, FindingKind, Findings, Severity};
 use crate::imu_fit::{self, APART, FITS, Reading, Verdict};
 use crate::imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
+use crate::stats::{decimals, short};
 use crate::{BaseState, Trajectory};
 use gaitfit_model::rotation::{Vec3, from_rpy};
 
@@ -25,8 +24,6 @@ const STILL_RATE: f64 = 0.03;
 const STILL_TILT: f64 = 0.02;
 /// Deviation of a joint, rad, that swings a leg.
 const SWINGS: f64 = 0.05;
-/// Command norm (m/s and rad/s together) that asks for walking.
-const COMMANDED: f64 = 0.1;
 /// Length of the mean direction of gravity of a unit that is mounted turned: a robot that tumbles has less.
 const STEADY: f64 = 0.9;
 /// Cosine of the angle between that direction and an axis: 30°.
@@ -279,7 +276,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
         let change: f64 = pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum();
         change.sqrt()
     });
-    let walks = super::stats::rms(&log.velocity) > WALKS && sways.sum::<f64>() > SWAYS * log.duration();
+    let walks = crate::stats::rms(&log.velocity) > WALKS && sways.sum::<f64>() > SWAYS * log.duration();
     if length < STEADY || !walks {
         return false;
     }

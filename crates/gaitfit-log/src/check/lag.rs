@@ -1,9 +1,9 @@
 //! Do velocities lag behind positions, as those of a filter or of differences do? [`crate::velocity_lag`] estimates it.
 
 use super::{FindingKind, Findings, Severity, replayed};
-use crate::Trajectory;
 use crate::scale::{Scales, equal, typical_step};
-use crate::sensors::{self, Estimate};
+use crate::sensors;
+use crate::{Estimate, Trajectory};
 use serde::Serialize;
 
 /// A lag below this does not count as a sensor's, s. Exact velocities of a trot at 50 Hz show 0.4 ms. Velocities of

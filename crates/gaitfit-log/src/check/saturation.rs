@@ -1,8 +1,8 @@
 //! Is anything cut off: velocities and actions at a bound of their own, torques at the motor's?
 
-use super::stats::range;
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::Signal;
+use crate::stats::range;
 use gaitfit_model::shown;
 
 /// Separate visits to exactly the same extreme value. A real signal reaches its extreme once.

@@ -1,9 +1,9 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
-use super::stats::{decimals, short};
 use super::{FindingKind, Findings, Severity, replayed};
 use crate::scale::equal;
 use crate::spacing::spacing;
+use crate::stats::{decimals, short};
 use gaitfit_model::shown_number;
 
 /// A gap this long, s, ends a joint's free motion: replaying across it means nothing.
@@ -123,7 +123,7 @@ fn repeated_rows(findings: &mut Findings, typical: f64) {
     let log = findings.log;
     let width = log.joints.len();
     // Equal rows in motion mean that the recorder was faster than the robot.
-    let moving = super::stats::range(&log.velocity).is_some_and(|(low, high)| high > low);
+    let moving = crate::stats::range(&log.velocity).is_some_and(|(low, high)| high > low);
     let repeats =
         |values: &[f64], i: usize| values[i * width..(i + 1) * width] == values[(i - 1) * width..i * width];
     let repeated = (1..log.len()).filter(|&i| repeats(&log.position, i) && repeats(&log.velocity, i)).count();

@@ -1,8 +1,8 @@
 //! Are the values numbers, within limits, in the right unit, and alive?
 
 use super::falls::stretches;
-use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
+use crate::stats::{decimals, deviation, range};
 use crate::{Signal, Trajectory, motion};
 use gaitfit_model::{shown, shown_number};
 use std::collections::HashSet;

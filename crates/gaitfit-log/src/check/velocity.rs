@@ -1,10 +1,10 @@
 //! Is the velocity the derivative of the position, by the clock that the log has?
 
 use super::saturation::clipped;
-use super::stats::{range, short};
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
 use crate::scale::{SAME, SLOW_S, Scale, Scales, equal, typical_step};
+use crate::stats::{range, short};
 
 /// Below this correlation they are two different signals. A hip of a trotting robot sampled at 50 Hz reaches
 /// only 0.55: impacts fall between samples.
@@ -114,7 +114,7 @@ fn scaled(
 /// Returns what a factor may come from, and what to do.
 fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> String {
     let near = |wanted: f64| one && (0.9..1.1).contains(&(factor / wanted));
-    let degrees = 180.0 / std::f64::consts::PI;
+    let degrees = 1f64.to_degrees();
     if near(degrees) {
         return "the velocities are in degrees per second, it seems: multiply them by π/180".to_owned();
     }

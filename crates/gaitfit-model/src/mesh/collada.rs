@@ -2,6 +2,7 @@
 //!
 //! `up_axis` is passed over, as RViz does: robot files orient their meshes with `<origin>`.
 
+use super::content::{MAX_DEPTH, MAX_WORK};
 use std::collections::HashMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
@@ -12,10 +13,6 @@ use crate::rotation::Vec3;
 /// Rows of an affine transform.
 type Transform = [[f64; 4]; 3];
 const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
-/// Max depth of nodes.
-pub(super) const MAX_DEPTH: usize = 64;
-/// Max number of numbers and nodes that are read: a scene may name one geometry, or itself, many times.
-pub(super) const MAX_WORK: usize = 1 << 24;
 /// Max number of elements of a document.
 const MAX_NODES: u32 = 1 << 20;
 

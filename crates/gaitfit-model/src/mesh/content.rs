@@ -1,7 +1,11 @@
 //! What can be wrong with the bytes of a mesh.
 
-use super::collada::{MAX_DEPTH, MAX_WORK};
 use super::{MAX_BYTES, MAX_COORDINATE, MAX_TRIANGLES};
+
+/// Max depth of nodes.
+pub(super) const MAX_DEPTH: usize = 64;
+/// Max number of numbers and nodes that are read: a scene may name one geometry, or itself, many times.
+pub(super) const MAX_WORK: usize = 1 << 24;
 
 /// What is wrong with a mesh's bytes.
 #[derive(Debug, thiserror::Error)]

@@ -1,13 +1,14 @@
 //! The rows of self-contacts.
 
 use crate::Real;
-use crate::contact::{MIN_FRICTION, impedance, row_scale};
+use crate::contact::{impedance, row_scale};
 use crate::self_contact::narrow::{Spot, center, spots};
 use crate::self_contact::{MAX_POINTS, SelfContactPair, SelfContactPoint};
 use crate::separate::separate;
 use crate::smooth::Pass;
 use crate::state::Work;
 use crate::vec3::*;
+use gaitfit_model::MIN_FRICTION;
 
 separate! {
     /// Contact points of all self-contact pairs.

@@ -6,7 +6,7 @@
 //! `observation_terms_flatten_history_dim`, `observation_terms_clip`. The control period is not in it. Policies
 //! of motion tracking also have `anchor_body_name`.
 
-use super::{Known, names, numbers, terms};
+use super::{FAR, Known, names, numbers, terms};
 use gaitfit_model::{shown, shown_number};
 use gaitfit_policy::invalid;
 use gaitfit_policy::{PolicyError, Quantity};
@@ -15,8 +15,6 @@ use gaitfit_policy::{PolicyError, Quantity};
 const CONTROL_DT: f64 = 0.02;
 /// Control periods by which it reads the motion ahead: it counts the motion on before it observes, also after a reset.
 const AHEAD: i64 = 1;
-/// Bounds beyond which a clipped term counts as not clipped.
-const FAR: f64 = 50.0;
 /// Max frames of a history.
 const MAX_HISTORY: f64 = 256.0;
 /// Max number of entries of a list.

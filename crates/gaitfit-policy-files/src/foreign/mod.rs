@@ -15,6 +15,9 @@ pub(super) struct Known {
     pub notes: Vec<String>,
 }
 
+/// Bounds beyond which a clipped observation counts as not clipped.
+const FAR: f64 = 50.0;
+
 /// A list of numbers for a table.
 fn numbers(values: &[f64]) -> toml::Value {
     toml::Value::Array(values.iter().map(|&value| toml::Value::Float(value)).collect())

@@ -3,15 +3,13 @@
 //! Joints have no names in it: `joint_ids_map` gives each of the policy's joints its place in Unitree's SDK, whose lists
 //! are known here for each robot by their length. Gains are in the SDK's order, everything else in the policy's.
 
-use super::{Known, names, numbers, sdk, terms};
+use super::{FAR, Known, names, numbers, sdk, terms};
 use gaitfit_policy::invalid;
 use gaitfit_policy::{PolicyError, Quantity};
 use indexmap::IndexMap;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// Bounds beyond which a clipped observation counts as not clipped.
-const FAR: f64 = 50.0;
 /// Max numbers of joints and of terms.
 const MAX_ENTRIES: usize = 256;
 /// Max frames of a history.

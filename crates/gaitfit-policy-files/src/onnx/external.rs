@@ -1,8 +1,8 @@
 //! Numbers of tensors in a file beside the graph's, as PyTorch's exporter writes them by default.
 
-use super::graph::decode_message;
+use super::decoded::decode_message;
 use super::proto::{Entry, Tensor};
-use crate::read::bytes;
+use crate::file::bytes;
 use gaitfit_model::shown;
 use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;

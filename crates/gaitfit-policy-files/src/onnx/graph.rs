@@ -3,6 +3,7 @@
 use super::attributes::Attributes;
 use super::chain::Chain;
 use super::constant::{Constant, MAX_NUMBERS as MAX_MOVED};
+use super::decoded::{Decoded, MAX_PARTS, decode_all, decode_message};
 use super::external::{self, Beside};
 use super::fuse::fuse;
 use super::linear::{gemm, keeps_rows, linear};
@@ -20,8 +21,6 @@ use prost::Message;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Max number of nodes and constants of a graph, entries of metadata, attributes and inputs of a node.
-const MAX_PARTS: usize = 1024;
 /// Max number of numbers of all constants together, those computed from others included.
 const MAX_NUMBERS: usize = 32 << 20;
 
@@ -33,32 +32,6 @@ const LATEST: i64 = 17;
 
 /// Name of the file's operators in the advice of errors.
 const UNDERSTOOD: &str = "a multilayer perceptron of Gemm or MatMul, with Elu, Relu, Tanh, LeakyRelu, Selu, SiLU or GELU between the layers";
-
-/// A model's parts.
-pub struct Decoded {
-    pub(super) nodes: Vec<Node>,
-    pub(super) constants: HashMap<String, Constant>,
-    pub(super) inputs: Vec<ValueInfo>,
-    pub(super) outputs: Vec<ValueInfo>,
-    /// Version of ONNX's own operators.
-    pub(super) opset: i64,
-    /// Encoded entries.
-    pub metadata: Vec<Vec<u8>>,
-}
-
-/// One message, with an error that says what it was.
-pub fn decode_message<T: Message + Default>(bytes: &[u8], what: &str) -> Result<T, PolicyError> {
-    T::decode(bytes).map_err(|error| {
-        invalid(format!("no whole ONNX file: its {what} is cut short or damaged ({error}); export it again"))
-    })
-}
-
-fn decode_all<T: Message + Default>(all: &[Vec<u8>], what: &str) -> Result<Vec<T>, PolicyError> {
-    if all.len() > MAX_PARTS {
-        return Err(invalid(format!("it has {} {what}s; a policy has at most {MAX_PARTS}", all.len())));
-    }
-    all.iter().map(|bytes| decode_message(bytes, what)).collect()
-}
 
 /// Takes a file apart, without understanding the graph yet. `folder`: where the file lies; tensors in other files are
 /// looked for there.

@@ -3,7 +3,7 @@
 //! `gaitfit` holds everything as JSON, for this program. The other entries say the same as comma-separated lists
 //! under the names that exporters of robot policies commonly use.
 
-use super::graph::{Decoded, decode_message};
+use super::decoded::{Decoded, decode_message};
 use super::proto::{Entry, Model};
 use crate::checksum::{self, Sealed};
 use gaitfit_policy::Interface;

@@ -1,6 +1,7 @@
 //! Advice on the description of a graph that states nothing about the robot.
 
-use super::graph::{self, Decoded};
+use super::decoded::Decoded;
+use super::graph;
 use super::program::{self, End};
 use gaitfit_model::shown;
 use gaitfit_policy::PolicyError;

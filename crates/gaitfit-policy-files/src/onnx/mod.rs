@@ -7,6 +7,7 @@ mod attributes;
 mod bounds;
 mod chain;
 mod constant;
+mod decoded;
 mod external;
 mod fuse;
 mod graph;
@@ -24,6 +25,7 @@ mod recurrent;
 mod tests;
 mod write;
 mod write_memory;
+mod write_parts;
 
 pub(super) use chain::{Chain, Read};
 pub(super) use graph::others;
@@ -90,7 +92,7 @@ pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Know
 }
 
 /// Numbers of the observation and of the action: of the layers, or as a graph of other operators states them.
-fn widths(model: &graph::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
+fn widths(model: &decoded::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
     match graph::walk(model) {
         Ok(chain) => Ok(chain.inputs().zip(chain.width()).map(|(inputs, outputs)| [inputs, outputs])),
         Err(error) => program::stated(model)?.map(Some).ok_or(error),

@@ -2,10 +2,11 @@
 
 use super::metadata;
 use super::proto::{
-    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, INT64, Model, Node,
-    OperatorSet, Tensor, TensorShape, TensorType, Type, ValueInfo,
+    Attribute, Dimension, Entry, FLOAT, Graph, Model, Node, OperatorSet, TensorShape, TensorType, Type,
+    ValueInfo,
 };
 use super::write_memory::{STATES, remember};
+use super::write_parts::{constant, float, integer, push};
 use crate::layers::take_apart;
 use gaitfit_policy::invalid;
 use gaitfit_policy::network::{Activation, Network, Recurrent, SELU};
@@ -223,57 +224,6 @@ fn activate(
             step(nodes, "Mul", "halved", [half, product])
         }
     }
-}
-
-/// Adds a node and gives the name of its output.
-pub(super) fn push(
-    nodes: &mut Vec<Node>,
-    operator: &str,
-    name: &str,
-    input: Vec<String>,
-    attributes: Vec<Attribute>,
-) -> String {
-    let output = format!("{name}.out");
-    nodes.push(Node {
-        input,
-        output: vec![output.clone()],
-        name: name.to_owned(),
-        op_type: operator.to_owned(),
-        attribute: attributes.iter().map(Message::encode_to_vec).collect(),
-        domain: String::new(),
-    });
-    output
-}
-
-pub(super) fn integer(name: &str, i: i64) -> Attribute {
-    Attribute { name: name.to_owned(), i, kind: INT_ATTRIBUTE, ..Attribute::default() }
-}
-
-fn float(name: &str, f: f32) -> Attribute {
-    Attribute { name: name.to_owned(), f, kind: FLOAT_ATTRIBUTE, ..Attribute::default() }
-}
-
-/// A constant of whole numbers, in one row.
-pub(super) fn whole_numbers(name: &str, values: &[i64]) -> Vec<u8> {
-    Tensor {
-        dims: vec![values.len() as i64],
-        data_type: INT64,
-        name: name.to_owned(),
-        raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
-        ..Tensor::default()
-    }
-    .encode_to_vec()
-}
-
-pub(super) fn constant(name: &str, dims: &[usize], values: &[f32]) -> Vec<u8> {
-    Tensor {
-        dims: dims.iter().map(|&length| length as i64).collect(),
-        data_type: FLOAT,
-        name: name.to_owned(),
-        raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
-        ..Tensor::default()
-    }
-    .encode_to_vec()
 }
 
 /// An end point of `rows` rows, N without a number, of `width` numbers; `before` are the lengths of axes before the rows.

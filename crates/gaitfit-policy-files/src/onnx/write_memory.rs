@@ -1,7 +1,7 @@
 //! The recurrent layers of a policy's ONNX graph.
 
 use super::proto::Node;
-use super::write::{constant, integer, push, whole_numbers};
+use super::write_parts::{constant, integer, push, whole_numbers};
 use crate::layers::transpose;
 use gaitfit_policy::network::{Cell, Recurrent, RecurrentLayer};
 

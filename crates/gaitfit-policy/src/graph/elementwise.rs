@@ -1,6 +1,6 @@
 //! Operators that take a number, or two numbers of the same place.
 
-use crate::network::{Activation, activate_all};
+use crate::network::{Activation, activate_all, erfc};
 
 /// A function of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,12 +85,11 @@ fn softplus(x: f32) -> f32 {
     x.max(0.0) + (-x.abs()).exp().ln_1p()
 }
 
-/// Abramowitz and Stegun (1964), 7.1.26, in double precision: within 1.5e-7.
+/// 1 − erfc, in double precision.
 fn erf(x: f32) -> f32 {
     let z = f64::from(x.abs());
-    let t = 1.0 / (1.0 + 0.327_591_1 * z);
-    let coefficients = [1.061_405_429, -1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592];
-    let p = coefficients.into_iter().fold(0.0, |p, coefficient| p * t + coefficient);
+    let t = 1.0 / (1.0 + erfc::P * z);
+    let p = erfc::COEFFICIENTS.into_iter().fold(0.0, |p, coefficient| p * t + coefficient);
     (1.0 - p * t * (-z * z).exp()).copysign(f64::from(x)) as f32
 }
 

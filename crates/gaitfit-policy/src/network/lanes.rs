@@ -2,7 +2,7 @@
 
 use gaitfit_isa::kernels;
 
-use super::{Activation, activation::SELU, scalar::Scalar};
+use super::{Activation, activation::SELU, erfc, scalar::Scalar};
 
 /// Columns that are summed together, in registers: four vectors of AVX-512, eight of AVX2 in `f32`.
 const COLUMNS: usize = 64;
@@ -54,14 +54,15 @@ fn elu<T: Scalar, const FUSED: bool>(x: T, alpha: T, lambda: T) -> T {
     lambda * if x > T::ZERO { x } else { below }
 }
 
-/// x Φ(x), with erfc of Abramowitz and Stegun (1964), 7.1.26: within 1.5e-7.
+/// x Φ(x), with the approximation of [`erfc`].
 #[inline(always)]
 fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
     let number = T::from_f64;
     let z = if x < T::ZERO { -x } else { x } * number(std::f64::consts::FRAC_1_SQRT_2);
-    let t = T::ONE / (T::ONE + number(0.327_591_1) * z);
-    let mut p = number(1.061_405_429);
-    for coefficient in [-1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592] {
+    let t = T::ONE / (T::ONE + number(erfc::P) * z);
+    let [first, rest @ ..] = erfc::COEFFICIENTS;
+    let mut p = number(first);
+    for coefficient in rest {
         p = p * t + number(coefficient);
     }
     let half = number(0.5) * x * p * t * (-z * z).exponential::<FUSED>();

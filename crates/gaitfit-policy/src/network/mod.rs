@@ -2,6 +2,7 @@
 
 mod activation;
 mod cell;
+pub(crate) mod erfc;
 mod forward;
 mod lanes;
 mod layer_norm;

@@ -7,7 +7,7 @@
 
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{Vec3, add, cross, dot, rotate, rotate_back, sub};
-use gaitfit_model::{Model, Shape};
+use gaitfit_model::{GRAVITY, Model, Shape};
 use gaitfit_sim::Motion;
 
 use super::Course;
@@ -15,7 +15,6 @@ use crate::walker::{FootGeoms, Walker};
 
 /// Share of the robot's weight that must rest on the feet; below it they say little of the base.
 const CARRIED: f64 = 0.15;
-const GRAVITY: f64 = 9.81;
 /// A wheel lies on its side if the sine of the angle between its plane and the ground is not above this.
 const MIN_UPRIGHT_SINE: f64 = 0.1;
 

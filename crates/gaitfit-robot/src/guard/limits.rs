@@ -21,7 +21,16 @@ pub struct Limits {
     pub kd: f32,
 }
 
+/// Share of the largest torque that damping may use. The rest is for a joint that turns faster by now than in the
+/// last state.
+const DAMPING_ROOM: f32 = 0.9;
+
 impl Limits {
+    /// The limits for damping a robot whose last state may be old: its torque has room.
+    pub fn for_damping(&self) -> Self {
+        Self { torque: self.torque.map(|torque| DAMPING_ROOM * torque), ..*self }
+    }
+
     /// The command nearest to `wanted` that is inside the limits for a robot in `state`: angles within the joints' range,
     /// gains within theirs, and the torque that the motor board will make of it within the motor's. A joint that turns at
     /// its largest speed is not driven further.

@@ -23,6 +23,11 @@ pub(crate) use dds::failed;
 pub use motion::{MotionMode, MotionSwitcher};
 pub use simulated::{Simulated, hanging_go2, simulation};
 
+/// Time between two commands: a Go2 sends its states as often.
+pub(crate) const TICK: Duration = Duration::from_millis(2);
+/// How long to wait for a robot's first state.
+pub(crate) const FIRST_STATE: Duration = Duration::from_secs(15);
+
 /// A robot, real or simulated, at the other end.
 pub trait Link {
     /// Hands over what has arrived since the last call, oldest first, each with how long ago it came. `now` is the time

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use gaitfit_model::builtin::GO2;
 use gaitfit_model::rotation::{IDENTITY, rotate_back};
-use gaitfit_model::{Model, ReadOptions, Root, read_mjcf_str};
+use gaitfit_model::{GRAVITY, Model, ReadOptions, Root, read_mjcf_str};
 use gaitfit_physics::Preset;
 use gaitfit_policy::walker::standing;
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Tile};
@@ -14,16 +14,14 @@ use crate::RobotError;
 use crate::command::Command;
 use crate::guard::Limits;
 use crate::per_motor::PerMotor;
+use crate::remote::Remote;
 use crate::robot::Robot;
 use crate::state::{Battery, Reading, RobotState, Seal};
-use crate::unitree::Remote;
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
 /// Max number of physics steps to catch up with in a call; a caller that was away longer finds the robot where it was.
 const MAX_STEPS: u64 = 200;
-/// Gravity, m/s².
-const GRAVITY: f32 = 9.81;
 
 /// The engine for a [`Simulated`] robot.
 ///
@@ -169,7 +167,7 @@ impl<'a> Simulated<'a> {
                 quaternion,
                 gyroscope: std::array::from_fn(|k| held(0.0, &self.motion.base_angular, k)),
                 // That of a robot at rest, in the body's frame: preflight compares it with the orientation.
-                accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),
+                accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY as f32]),
                 battery: Some(Battery { charge: 100, volts: 30.0, amps: 0.0 }),
                 tick: self.ms as u32,
                 remote: Remote::default(),

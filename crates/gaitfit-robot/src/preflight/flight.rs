@@ -16,8 +16,6 @@ use crate::state::Reading;
 const ASTRAY: [f32; 2] = [0.12, 0.3];
 /// Damping before the last command, as long as that of a run.
 const DAMPING: Duration = Duration::from_secs(2);
-/// Share of the largest torque that damping may use, because the state may be old.
-const DAMPING_ROOM: f32 = 0.9;
 
 /// A command that was sent.
 #[derive(Clone, Copy, Debug)]
@@ -176,11 +174,7 @@ impl Flight {
         let command = match self.watch.state() {
             // Damping leaves some torque unused, for a joint that is faster by now than in the last state.
             Some(state) if self.stage == Stage::Damping => {
-                let room = crate::guard::Limits {
-                    torque: limits.torque.map(|torque| DAMPING_ROOM * torque),
-                    ..limits
-                };
-                room.admit(&wanted, state).unwrap_or(wanted)
+                limits.for_damping().admit(&wanted, state).unwrap_or(wanted)
             }
             Some(state) => limits.admit(&wanted, state).unwrap_or_else(|| damping(&self.damping)),
             None => damping(&self.damping),

@@ -9,8 +9,8 @@
 
 use std::ops::Range;
 
+use super::delays::{DELAY_STEP, DELAYS, HELD, LENGTH, STRIDE, least};
 use super::log::{DT, Row};
-use super::response::{DELAY_STEP, DELAYS, HELD, LENGTH, STRIDE, least};
 use super::statistics::{Measured, mean, span};
 
 /// Reported torques that vary by less are not reported at all, N·m.

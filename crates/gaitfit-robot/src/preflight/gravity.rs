@@ -1,10 +1,10 @@
 //! Weight and inertia that a joint carries, by the robot's file.
 
+use gaitfit_model::GRAVITY;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, Vec3, dot, inverse, product, rotate};
 
-const GRAVITY: f64 = 9.81;
 /// Step of the central difference, rad.
 const STEP: f64 = 1e-4;
 

@@ -1,5 +1,6 @@
 //! The inertial unit while the robot hangs still: gravity, orientation, bias of the gyro.
 
+use gaitfit_model::GRAVITY;
 use gaitfit_model::rotation::{Quat, Vec3, from_rpy, inverse, up};
 use serde::Serialize;
 
@@ -7,8 +8,6 @@ use super::statistics::{Measured, deviation, mean, mean_of_blocks};
 use super::turned::{angle, mean_attitude, orientation, roll_pitch_yaw, turn_between};
 use super::{Check, Finding, Heard};
 
-/// Gravity, m/s².
-const GRAVITY: f64 = 9.81;
 /// Difference of the mean length of the accelerometer's readings from gravity: a warning, and a fault, m/s².
 const OFF: [f64; 2] = [0.3, 0.8];
 /// Bias of the gyro that is a warning, and one that is a fault, rad/s: 0.01 rad/s adds up to 34° in a minute.

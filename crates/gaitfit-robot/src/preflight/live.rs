@@ -15,14 +15,9 @@ use super::tilting::{Asked, Tilting};
 use super::{Finding, Heard};
 use crate::RobotError;
 use crate::guard::Reason;
-use crate::link::Link;
+use crate::link::{FIRST_STATE, Link, TICK};
 use crate::robot::Robot;
 use crate::state::{Reading, Seal};
-
-/// Time between two turns: a Go2 sends its states as often.
-const TICK: Duration = Duration::from_millis(2);
-/// How long to wait for a robot's first state.
-const FIRST_STATE: Duration = Duration::from_secs(15);
 
 /// The clock of a loop.
 pub trait Turns {

@@ -3,6 +3,8 @@
 use std::fmt::Write as _;
 use std::time::Duration;
 
+use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES};
+
 use super::Heard;
 use super::flight::Flown;
 use super::plan::Stage;
@@ -99,10 +101,8 @@ fn between(before: &RobotState, after: &RobotState, part: f32) -> RobotState {
 fn head(robot: &Robot, columns: &[&str]) -> String {
     let joints = robot.joints();
     let named = columns.iter().flat_map(|prefix| joints.iter().map(move |joint| format!(",{prefix}{joint}")));
-    format!(
-        "time{},base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz,acc_x,acc_y,acc_z\n",
-        named.collect::<String>()
-    )
+    let body = [&BASE_QUATERNION[..], &BASE_RATES].concat().join(",");
+    format!("time{},{body},acc_x,acc_y,acc_z\n", named.collect::<String>())
 }
 
 fn numbers<'n>(text: &mut String, numbers: impl IntoIterator<Item = &'n f32>) {

@@ -6,6 +6,7 @@
 //!
 //! Each fault is a [`Finding`]. Only [`Beat`] reads a clock; all other code gets the time from its caller.
 
+mod delays;
 mod finding;
 mod flight;
 mod gain;

@@ -9,26 +9,17 @@
 
 use std::ops::Range;
 
+use super::delays::{DELAY_STEP, DELAYS, HELD, LENGTH, STRIDE, least};
 use super::gain::{Reported, reported};
 use super::log::{DT, Row, SampledStates};
 use super::statistics::{Measured, least_squares, mean, slope, span};
 
-/// Samples of a bump: 30 ms.
-pub(super) const LENGTH: usize = 15;
-/// Samples from one bump to the next.
-pub(super) const STRIDE: usize = 3;
 /// Min number of bumps.
 const FEWEST: usize = 30;
-/// Longest delay that is tried, in steps of [`DELAY_STEP`]: 60 ms.
-pub(super) const DELAYS: usize = 60;
-/// Step of the delays that are tried, s: half a row.
-pub(super) const DELAY_STEP: f64 = 0.5 * DT;
 /// Slowest motion that counts, rad/s.
 const SLOWEST: f64 = 0.1;
 /// An inertia is identified if it is more than so many of its standard errors.
 const SEEN: f64 = 5.0;
-/// A target holds until the next one is sent: on average it is late by half a row, s.
-pub(super) const HELD: f64 = 0.5 * DT;
 
 /// Results of a joint's own motion.
 #[derive(Clone, Copy, Debug)]
@@ -86,25 +77,6 @@ pub(super) fn response(
     let steps = ((late + HELD) / DELAY_STEP).round().max(0.0) as usize;
     let slow = window.start..(window.start + slow).min(window.end);
     Some(Response { equation, torque, follows: follows(rows, slow, motor, steps) })
-}
-
-/// The delay with the least squares near `best`, in steps, and its error: by the noise of one of the squares, and how much they
-/// overlap.
-pub(super) fn least(squares: &[f64], best: usize, count: usize, overlap: f64) -> Measured {
-    // The vertex of the parabola through the squares at the best delay and its two neighbours. Six degrees of
-    // freedom go to the five coefficients and the delay.
-    let noise = squares[best] / count.saturating_sub(6).max(1) as f64;
-    let around = best.checked_sub(1).map(|at| squares[at]).zip(squares.get(best + 1).copied());
-    let (fraction, error) = match around {
-        Some((before, after))
-            if before + after - 2.0 * squares[best] > 0.0 && (before + after).is_finite() =>
-        {
-            let bend = before + after - 2.0 * squares[best];
-            (0.5 * (before - after) / bend, overlap * (2.0 * noise / bend).sqrt())
-        }
-        _ => (0.0, 1.0),
-    };
-    Measured { value: best as f64 + fraction, error }
 }
 
 /// A delay in s of one in steps.

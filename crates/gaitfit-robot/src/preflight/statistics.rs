@@ -1,5 +1,7 @@
 //! Means with errors, and small least squares.
 
+use gaitfit_log::MEDIAN_TO_DEVIATION;
+use gaitfit_sim::stats;
 use serde::Serialize;
 
 /// A number with its standard error.
@@ -37,21 +39,14 @@ pub(super) fn mean_of_blocks(values: &[f64]) -> Measured {
 
 /// The value in the middle; 0 of none.
 pub(super) fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    match sorted.len() {
-        0 => 0.0,
-        count if !count.is_multiple_of(2) => sorted[count / 2],
-        count => 0.5 * (sorted[count / 2 - 1] + sorted[count / 2]),
-    }
+    stats::median(values).unwrap_or(0.0)
 }
 
-/// The median with its error by the median distance from it (Rousseeuw and Croux 1993 for the factor; that of a normal
-/// density for the error of a median).
+/// The median with its error by the median distance from it (the second factor is that of a normal density).
 pub(super) fn robust(values: &[f64]) -> Measured {
     let centre = median(values);
     let distances: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
-    let spread = 1.4826 * median(&distances);
+    let spread = MEDIAN_TO_DEVIATION * median(&distances);
     Measured { value: centre, error: 1.2533 * spread / (values.len().max(1) as f64).sqrt() }
 }
 

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use super::messages::{Imu, JointState, Stamp};
 use crate::per_motor::PerMotor;
+use crate::remote::Remote;
 use crate::robot::{Robot, Ros2};
 use crate::state::{Reading, RobotState, Seal};
-use crate::unitree::Remote;
 
 /// Names that an error lists at most.
 const LISTED: usize = 40;

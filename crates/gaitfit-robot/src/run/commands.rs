@@ -3,8 +3,8 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::script::Script;
+use crate::remote::scaled;
 use crate::state::RobotState;
-use crate::unitree::scaled;
 
 /// The command at one moment, and the walk that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,8 +120,8 @@ impl Commands for Steering {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use crate::remote::Remote;
     use crate::state::tests::standing;
-    use crate::unitree::Remote;
 
     const RANGES: Ranges = [[-0.5, 1.0], [-0.4, 0.4], [0.0, 1.0]];
 

@@ -13,14 +13,11 @@ use super::jitter::{Jitter, Lateness};
 use super::sender::Sender;
 use crate::RobotError;
 use crate::guard::{Limits, Reason};
+use crate::link::{FIRST_STATE, TICK};
 use crate::state::RobotState;
 use crate::supervisor::Phase;
 
-/// Time between two commands: a Go2 sends its states as often.
-const TICK: Duration = Duration::from_millis(2);
-/// Time to wait for a robot's first state.
-const FIRST_STATE: Duration = Duration::from_secs(15);
-/// Time to listen for other controllers before arming.
+/// How long to listen for other controllers before arming.
 const LISTEN: Duration = Duration::from_secs(1);
 
 /// Callbacks to the person beside the robot, and settings of a run.

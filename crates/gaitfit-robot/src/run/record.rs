@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, COMMAND};
 use gaitfit_policy::Interface;
 
 use super::view::View;
@@ -105,7 +106,7 @@ impl Recorder {
         };
         let named = |prefixes: &[&str]| prefixes.iter().map(|prefix| per_joint(prefix)).collect::<String>();
         let mut head = format!("# robot = {:?}\n# rate_hz = {:?}\n", robot.name, 1.0 / interface.control_dt);
-        let body = "base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz";
+        let body = [&BASE_QUATERNION[..], &BASE_RATES].concat().join(",");
         let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
         let whole = format!("{head}time{},{body},{more},phase{}\n", named(&["q_", "dq_"]), named(&SENT));
         let _ = writeln!(head, "# kp = {:?}\n# kd = {:?}", interface.kp, interface.kd);
@@ -113,8 +114,9 @@ impl Recorder {
             let _ = writeln!(head, "# velocity_joints = {:?}", interface.velocity_joints);
         }
         let head = format!(
-            "{head}time{},vx_cmd,vy_cmd,wz_cmd,{body},{more}\n",
-            named(&["q_", "dq_", "qdes_", "act_"])
+            "{head}time{},{},{body},{more}\n",
+            named(&["q_", "dq_", "qdes_", "act_"]),
+            COMMAND.join(",")
         );
         // Several walks have a folder each, and the record of everything one beside them.
         let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };

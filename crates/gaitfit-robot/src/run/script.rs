@@ -9,7 +9,7 @@ const MAX_ROWS: usize = 100_000;
 /// Largest script, bytes: 160 a row.
 const MAX_BYTES: u64 = 16 << 20;
 /// Longest walk, s.
-const LONGEST: f64 = 3600.0;
+pub const LONGEST: f64 = 3600.0;
 /// Largest part of a command, m/s or rad/s.
 const LARGEST: f64 = 5.0;
 

@@ -3,9 +3,10 @@
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{HEAD, LOW_LEVEL, LowCmd, LowState, MotorCmd, Remote, SERVO, hg};
+use super::{HEAD, LOW_LEVEL, LowCmd, LowState, MotorCmd, SERVO, hg};
 use crate::command::{Command, MotorCommand};
 use crate::per_motor::PerMotor;
+use crate::remote::Remote;
 use crate::state::{Battery, Reading, RobotState, Seal};
 
 /// A state message.

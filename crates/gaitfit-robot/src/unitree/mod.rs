@@ -4,13 +4,11 @@ mod family;
 pub mod hg;
 mod layout;
 mod message;
-mod remote;
 pub mod rpc;
 
+pub use crate::remote::Remote;
 pub use family::{CommandMessage, StateMessage};
 pub use layout::{CMD_BYTES, STATE_BYTES};
 pub use message::{
     BmsCmd, BmsState, HEAD, ImuState, LOW_LEVEL, LowCmd, LowState, MotorCmd, MotorState, SERVO, SLOTS,
 };
-pub use remote::Remote;
-pub(crate) use remote::scaled;

@@ -1,6 +1,6 @@
 //! Error if there is no run to resume: which runs there are, and what to do.
 
-use super::folder::own_name;
+use super::names::own_name;
 use crate::Error;
 use gaitfit_model::shown;
 use std::collections::BTreeSet;

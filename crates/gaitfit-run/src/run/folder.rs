@@ -1,6 +1,7 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
 use super::absent;
+use super::names::own_name;
 use super::owned::{LOCK, Owned};
 use crate::{Access, Error, files};
 use gaitfit_model::shown;
@@ -125,7 +126,8 @@ impl RunFolder {
         let path = self.path.join(name);
         let folder = path.parent().unwrap_or(&self.path);
         let whole = || -> std::io::Result<()> {
-            let mut file = readable(&mut tempfile::Builder::new()).prefix(WRITING).tempfile_in(folder)?;
+            let mut file =
+                files::readable(&mut tempfile::Builder::new()).prefix(WRITING).tempfile_in(folder)?;
             file.write_all(bytes)?;
             file.as_file().sync_all()?;
             file.persist(&path).map_err(|error| error.error)?;
@@ -178,7 +180,7 @@ impl RunFolder {
         self.same()?;
         let path = self.path.join(name);
         let add = || {
-            no_pipe(&path)?;
+            files::no_pipe(&path)?;
             fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes())
         };
         add().map_err(|error| unwritable(&path, error))
@@ -187,32 +189,9 @@ impl RunFolder {
     /// Waits until what was appended to a file is on the disk.
     pub fn sync(&self, name: &str) -> Result<(), Error> {
         let path = self.path.join(name);
-        let sync = || no_pipe(&path).and_then(|()| File::open(&path)?.sync_all());
+        let sync = || files::no_pipe(&path).and_then(|()| File::open(&path)?.sync_all());
         sync().map_err(|error| unwritable(&path, error))
     }
-}
-
-/// Refuses what is there and is no regular file: opening a pipe would wait for ever.
-pub(super) fn no_pipe(path: &Path) -> std::io::Result<()> {
-    match files::regular(path) {
-        Err(error) if error.kind() == ErrorKind::InvalidInput => {
-            Err(std::io::Error::new(ErrorKind::AlreadyExists, error))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Temporary files are private by default; these become results that others may read, as the umask says.
-#[cfg(unix)]
-pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(fs::Permissions::from_mode(0o666))
-}
-
-/// Leaves the permissions to the system.
-#[cfg(not(unix))]
-pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
-    builder
 }
 
 /// Where the latest run of that name is, if there is one; nothing is locked.
@@ -257,13 +236,6 @@ fn number(file: &str, name: &str) -> Option<usize> {
     let number = digits.parse().ok().filter(|number| (2..=MAX_RUNS).contains(number))?;
     // Not `-007` and not `-+7`.
     (number.to_string() == digits).then_some(number)
-}
-
-/// The name of the run in a folder: `walk-2024` may be a run of that name, or run 2024 of `walk`.
-pub(super) fn own_name(folder: &Path) -> Option<String> {
-    let text = files::read_text(&folder.join(super::protocol::CONFIG), files::MAX_BYTES).unwrap_or_default();
-    let settings: toml::Table = toml::from_str(&text).unwrap_or_default();
-    settings.get("name").and_then(toml::Value::as_str).map(str::to_owned)
 }
 
 fn check_name(name: &str) -> Result<(), Error> {

@@ -1,7 +1,6 @@
 //! A folder that one process at a time writes into.
 
-use super::folder::no_pipe;
-use crate::{Access, Error};
+use crate::{Access, Error, files};
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
@@ -23,7 +22,7 @@ impl Owned {
     /// The system's, of the folder's `.lock`.
     pub fn take(folder: &Path) -> io::Result<Option<Self>> {
         let path = folder.join(LOCK);
-        no_pipe(&path)?;
+        files::no_pipe(&path)?;
         let lock = File::create(&path)?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(Self { lock })),

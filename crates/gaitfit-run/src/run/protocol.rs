@@ -6,6 +6,7 @@
 //! 4. `result.json` is written last: a folder that has it has everything.
 
 use super::changes::{bound, difference};
+pub use super::names::{CONFIG, RESULT};
 use super::{Inputs, RunFolder, manifest};
 use crate::Error;
 use crate::machine::now;
@@ -13,11 +14,6 @@ use crate::watch::Watch;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use toml::Table;
-
-/// All settings of a run.
-pub const CONFIG: &str = "config.toml";
-/// The result, written last.
-pub const RESULT: &str = "result.json";
 
 /// A run in its folder.
 pub struct Protocol<'a, A = Whole> {

@@ -1,6 +1,6 @@
 //! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
-use super::{AdaptConfig, Base, MAX_SEED, MIN_STRETCH_S};
+use super::{AdaptConfig, Base, MIN_STRETCH_S};
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber, RobotRule};
@@ -8,6 +8,9 @@ use gaitfit_log::PerJoint;
 use gaitfit_model::{shown, shown_number};
 use gaitfit_physics::JointParameter;
 use std::path::Path;
+
+/// Largest seed: whole numbers of TOML go no further.
+pub const MAX_SEED: u64 = i64::MAX as u64;
 
 /// Largest `simulation.starts`.
 const MAX_STARTS: usize = 64;

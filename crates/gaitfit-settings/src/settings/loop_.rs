@@ -94,9 +94,6 @@ pub struct EvaluateConfig {
     pub preset: Preset,
 }
 
-/// Largest seed: whole numbers of TOML go no further.
-pub const MAX_SEED: u64 = i64::MAX as u64;
-
 /// Settings that do not change what a stage does.
 pub const FREE: [&str; 8] = [
     "name",
@@ -300,7 +297,7 @@ impl LoopConfig {
         };
         // Rounds draw different candidates, but not with `seeds = 0`: the device chooses their number later.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
-        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MAX_SEED);
+        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(check::MAX_SEED);
         adapt
     }
 

@@ -16,13 +16,14 @@ mod text;
 mod train;
 mod walking;
 
+pub use check::MAX_SEED;
 pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load};
-pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MAX_DRIFT, MAX_SEED};
+pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MAX_DRIFT};
 pub use messages::OF_LOOPS;
 pub use messages::tamed;
-pub use target::{TargetConfig, TargetKind, check_torque_noise};
+pub use target::{PATIENCE, TargetConfig, TargetKind, check_torque_noise};
 pub use task::{Task, TaskName, load_task};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::TrainConfig;

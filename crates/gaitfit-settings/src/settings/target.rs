@@ -145,8 +145,8 @@ fn pause() -> f64 {
     2.0
 }
 
-/// Patience with a real robot, ms.
-const PATIENCE: u16 = 20;
+/// Max age of a state and max delay of a loop on a real robot, ms.
+pub const PATIENCE: u16 = 20;
 
 fn patience() -> u16 {
     PATIENCE

@@ -1,13 +1,9 @@
 //! How one policy differs from another where both walked: the difference trajectory by trajectory.
 
-use super::Evaluation;
+use super::{Evaluation, TrajectoryErrors};
 use gaitfit_sim::stats;
 use gaitfit_view::Estimate;
 use serde::{Deserialize, Serialize};
-
-/// Errors of one trajectory: linear velocity, m/s, angular velocity, rad/s, and 1 after a fall, else 0. Absent if its
-/// state stopped being a number, which counts as a fall.
-pub type TrajectoryErrors = Option<[f64; 3]>;
 
 /// Differences of one policy minus another, with half their 95 % confidence intervals. Errors are differences
 /// of what lies below: a negative one is a smaller error.

@@ -1,6 +1,6 @@
 //! Measures of how well a policy walks, as `gaitfit evaluate --json` prints them and other programs may.
 
-use super::{GroundResult, TrajectoryErrors, motion};
+use super::{GroundResult, motion};
 use crate::Error;
 use crate::device::{self, Device};
 use crate::watch::{Amount, Watch};
@@ -13,6 +13,10 @@ use gaitfit_learn::task::TaskSettings;
 use gaitfit_view::{Drift, Estimate};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+
+/// Errors of one trajectory: linear velocity, m/s, angular velocity, rad/s, and 1 after a fall, else 0. Absent if its
+/// state stopped being a number, which counts as a fall.
+pub type TrajectoryErrors = Option<[f64; 3]>;
 
 /// Settings of a measurement.
 #[derive(Clone, Copy, Debug)]

@@ -6,9 +6,9 @@ mod measure;
 mod motion;
 mod verdict;
 
-pub use compare::{Better, Comparison, TrajectoryErrors, compare, of_few};
+pub use compare::{Better, Comparison, compare, of_few};
 pub use ground::{GroundChoice, GroundResult, OnGround};
-pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
+pub use measure::{DriftResult, Evaluation, Measured, Plan, TrajectoryErrors, measure};
 pub use verdict::{MANY_FALLS, Verdict, goes_nowhere, verdict};
 
 use crate::Error;

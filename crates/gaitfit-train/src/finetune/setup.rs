@@ -12,6 +12,7 @@ use crate::run::inputs::{Inputs, hash_file};
 use crate::settings::{FinetuneConfig, changed, tamed};
 use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
+use gaitfit_adapt::MAX_REASON;
 use gaitfit_learn::Training;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::{escaped, shown_number};
@@ -20,8 +21,6 @@ use std::path::{Path, PathBuf};
 use toml::Table;
 
 const PRINTED_BY: &str = "gaitfit config finetune";
-/// Max number of characters of a file's reason that are shown.
-const MAX_REASON: usize = 1000;
 
 /// Request for a fine-tuning.
 #[derive(Clone, Debug)]

@@ -1,8 +1,8 @@
 //! Content of a page of a fit: plain numbers and names, filled in by whoever ran the fit.
 
+use super::held_out::HeldOut;
 use super::log::LogSummary;
 use super::signals::{JointTrace, SignalDistribution};
-use crate::loop_report::HeldOut;
 use crate::{Doubt, Setting};
 
 /// Everything `report.html` shows of one fit, of logs with a clamped base or of walking logs. What does not apply

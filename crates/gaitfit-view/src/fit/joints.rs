@@ -1,14 +1,10 @@
 //! Joint by joint: traces, residuals, and a close look at the worst moment.
 
 use super::JointTrace;
-use super::traces;
+use super::traces::{self, MAX_JOINTS, POINT_BUDGET};
 use crate::format::{clean, significant};
 use serde::Serialize;
 
-/// Joints drawn at most.
-const MAX_JOINTS: usize = 64;
-/// Points of all lines of all traces together, which keeps the page's size in bounds.
-const POINT_BUDGET: usize = 110_000;
 /// Lines of a joint: four traces and two residuals, in two charts.
 const LINES_A_JOINT: usize = 12;
 /// Length of the close look, s.

@@ -4,6 +4,7 @@ mod commands;
 mod cumulative;
 mod data;
 pub(crate) mod distributions;
+pub(crate) mod held_out;
 pub(crate) mod joints;
 pub(crate) mod log;
 mod page;
@@ -20,6 +21,7 @@ pub use data::{
     Bound, Comparison, ComparisonEntry, Fit, FitReport, OptimizerRun, Parameter, PublishedRange, Score,
     Validation,
 };
+pub use held_out::{HeldOut, JointDistance};
 pub use log::LogSummary;
 pub use signals::{JointTrace, Signal, SignalDistribution};
 

@@ -2,6 +2,7 @@
 
 use super::FitReport;
 use super::distributions::{self, DistributionGroup};
+use super::held_out::{self, HeldOutView};
 use super::joints::{self, Traces};
 use super::log::{self, LogView};
 use super::parameters::{self, ComparisonTable};
@@ -9,7 +10,6 @@ use super::scores::{self, Scores};
 use super::sections::{self, FitView};
 use super::validation::{self, ValidationTable};
 use crate::format::{clean, duration};
-use crate::loop_report::held_out::{self, HeldOutView};
 use crate::page::{ShownDoubt, doubts, is_severe, lines, settings};
 use crate::{Doubt, DoubtKind, Setting};
 use serde::Serialize;

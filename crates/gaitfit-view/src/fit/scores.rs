@@ -1,9 +1,10 @@
 //! The result in one line, and the fitted simulator beside everything it has to beat.
 
-use super::{FitReport, Score, standing};
+use super::standing::{self, Verdict};
+use super::{FitReport, Score};
 use crate::chart::{extent, strip};
+use crate::fit::held_out;
 use crate::format::{UNKNOWN, clean, fixed, significant};
-use crate::loop_report::held_out;
 use serde::Serialize;
 
 /// Headline and score table.
@@ -31,12 +32,6 @@ pub(super) struct Scores {
     has_cost: bool,
     /// Whether a doubt leaves nothing to praise.
     doubted: bool,
-}
-
-#[derive(Serialize)]
-pub(super) struct Verdict {
-    pub text: String,
-    pub good: bool,
 }
 
 #[derive(Serialize)]

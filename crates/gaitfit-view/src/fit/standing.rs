@@ -1,8 +1,15 @@
 //! Grounds of the first fit's values, in sentences: bounds, identification, and logs that were not fitted.
 
-use super::scores::Verdict;
 use super::{Bound, FitReport, Parameter};
 use crate::format::{clean, clean_prose};
+use serde::Serialize;
+
+/// A sentence of the verdict, and whether it is good news.
+#[derive(Serialize)]
+pub(super) struct Verdict {
+    pub text: String,
+    pub good: bool,
+}
 
 /// Parameters named in a sentence at most.
 const NAMED: usize = 5;
@@ -80,7 +87,7 @@ fn names(parameters: &[Parameter], is_so: impl Fn(&Parameter) -> bool) -> Option
 mod tests {
     use super::*;
     use crate::fit::Fit;
-    use crate::loop_report::HeldOut;
+    use crate::fit::HeldOut;
 
     #[test]
     fn what_speaks_against_a_fit_is_named() {

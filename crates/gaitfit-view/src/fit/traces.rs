@@ -4,6 +4,11 @@ use super::JointTrace;
 use crate::chart::{Axis, Figure, Frame, Look, Plot, Series, extent};
 use std::ops::Range;
 
+/// Joints drawn at most on a page.
+pub(crate) const MAX_JOINTS: usize = 64;
+/// Points of all lines of all joints together, which keeps the page's size in bounds.
+pub(crate) const POINT_BUDGET: usize = 110_000;
+
 /// Size of a joint's drawing.
 pub(crate) struct Size {
     pub width: f64,

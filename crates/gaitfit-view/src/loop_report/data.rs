@@ -2,7 +2,7 @@
 //!
 //! Policies and simulators are matched by name.
 
-use crate::fit::{Fit, LogSummary, Signal, SignalDistribution};
+use crate::fit::{Fit, HeldOut, LogSummary, SignalDistribution};
 use crate::replay::Replay;
 use crate::training::SeedCurve;
 use crate::{Doubt, Drift, Estimate, Link, Setting};
@@ -73,41 +73,6 @@ pub struct Round {
     pub held_out: Option<HeldOut>,
     /// Fine-tuning in the fitted simulator, one a seed.
     pub fine_tuning: Vec<SeedCurve>,
-}
-
-/// How far simulated walks are from logs that were not fitted.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct HeldOut {
-    /// The result in a sentence.
-    pub sentence: String,
-    /// Whether the fit is as close to these logs as the robot is to itself; none: unknown.
-    pub explained: Option<bool>,
-    /// How many times closer the fitted simulator is to these logs than the one before the fit.
-    pub gain: Option<f64>,
-    /// Wasserstein-1 distances, one a joint and signal.
-    pub distances: Vec<JointDistance>,
-}
-
-/// Wasserstein-1 distance of one joint's signal to the held-out logs, in the signal's unit; NaN when unknown.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JointDistance {
-    /// The joint's name.
-    pub joint: String,
-    /// The signal.
-    pub signal: Signal,
-    /// Distance from the simulator before the fit.
-    pub nominal: f64,
-    /// Distance from the fitted simulator.
-    pub fitted: f64,
-    /// Distance of the robot's walks from each other.
-    pub floor: f64,
-}
-
-impl Default for JointDistance {
-    fn default() -> Self {
-        let none = f64::NAN;
-        Self { joint: String::new(), signal: Signal::Position, nominal: none, fitted: none, floor: none }
-    }
 }
 
 /// Errors of one policy under random commands on one simulator.

@@ -4,14 +4,14 @@
 mod data;
 mod drift;
 mod headline;
-pub(crate) mod held_out;
 mod names;
 mod page;
 mod policies;
 mod rounds;
 mod tracking;
 
-pub use data::{Difference, DriftTrials, HeldOut, JointDistance, LoopReport, Round, Tracking};
+pub use crate::fit::{HeldOut, JointDistance};
+pub use data::{Difference, DriftTrials, LoopReport, Round, Tracking};
 pub use names::plain as plain_names;
 
 use crate::ReportError;

@@ -3,11 +3,11 @@
 use super::LoopReport;
 use super::drift::{self, DriftSection};
 use super::headline::{self, Headline};
-use super::held_out;
 use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
 use crate::Setting;
+use crate::fit::held_out;
 use crate::format::{clean, clean_prose};
 use crate::page::{self, ShownDoubt, ShownLink};
 use crate::replay::Motion;

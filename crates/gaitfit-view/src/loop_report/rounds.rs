@@ -1,9 +1,9 @@
 //! The repetitions: a line each, and what each found.
 
-use super::held_out::{self, HeldOutView};
 use super::{LoopReport, Round};
 use crate::fit::Fit;
 use crate::fit::distributions::{self, DistributionGroup};
+use crate::fit::held_out::{self, HeldOutView};
 use crate::fit::log::{self, LogView};
 use crate::fit::sections::{self, FitView};
 use crate::format::{UNKNOWN, clean, duration, grouped, significant};

@@ -1,17 +1,14 @@
 //! The page of `gaitfit view`: a log and its simulation as robots on one clock, and each joint's curves below, in which a
 //! line shows the clock's time. A click on a curve sets the clock.
 
-use crate::fit::{JointTrace, joints, traces};
+use crate::fit::traces::{self, MAX_JOINTS, POINT_BUDGET};
+use crate::fit::{JointTrace, joints};
 use crate::format::{clean, clean_prose, significant};
 use crate::page;
 use crate::replay::{Motion, Replay};
 use crate::{ReportError, Setting};
 use serde::Serialize;
 
-/// Joints drawn at most.
-const MAX_JOINTS: usize = 64;
-/// Points of all curves together, which keeps the page's size in bounds.
-const POINT_BUDGET: usize = 110_000;
 /// Curves of a joint: four positions and two residuals.
 const CURVES: usize = 6;
 

@@ -5,7 +5,7 @@ use super::pose;
 use super::shape::{Fitted, around, foot, wheel};
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
 use gaitfit_model::rotation::{Vec3, add, dot, inverse, product, rotate, rotate_back, sub};
-use gaitfit_model::{ContactPair, Form, Geom, Ground, Model, Outline, shown};
+use gaitfit_model::{ContactPair, Form, Geom, Ground, Model, Outline, listed, shown};
 
 /// A hinge with a range beyond this turns as a wheel does, rad: two turns.
 const WHEEL_RANGE: f64 = 4.0 * std::f64::consts::PI;
@@ -165,7 +165,7 @@ impl Sight {
             if !points.is_empty() {
                 names.dedup();
                 let seen = if colliding { "" } else { " (which is only seen)" };
-                let source = format!("fitted to {}{seen}", listed(&names));
+                let source = format!("fitted to {}{seen}", listed(&names, 3));
                 return Some(Self { points, source, guess: false });
             }
         }
@@ -347,11 +347,4 @@ fn describe(fitted: &Fitted) -> String {
         }
     };
     format!("a {} ({size} mm)", fitted.what)
-}
-
-/// Up to three names, and how many more.
-fn listed(names: &[String]) -> String {
-    let more = names.len().saturating_sub(3);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", names.iter().take(3).cloned().collect::<Vec<_>>().join(", "))
 }

@@ -6,7 +6,7 @@ use super::rotors::Rotors;
 use super::sizes::{Sizes, digits, tidy};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};
-use gaitfit_model::{Integrator, JointKind, Model};
+use gaitfit_model::{Integrator, JointKind, Model, listed, shown};
 use gaitfit_physics::Robot;
 
 /// kp over m g l: gives the built-in Go2 (15.2 kg, legs of 0.3 m) its 25 N·m/rad.
@@ -286,7 +286,7 @@ impl Gains {
             doubts.push(format!(
                 "lowered where a joint has so little inertia that physics steps of {STEP} s would shake it ({}); motors \
                  have a rotor: give the joints their armature",
-                listed(&bounded)
+                listed(bounded.iter().map(|name| shown(name)), 3)
             ));
         }
         let substeps = substeps(model, &kp, &kd, &chooser.inertia);
@@ -330,14 +330,6 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
     // The subtraction takes rounding away: 0.02 / 0.005 must not become 5 steps.
     let steps = (PERIOD / step - 1e-9).ceil();
     if steps.is_finite() { steps.clamp(PERIOD / STEP, MAX_SUBSTEPS) as usize } else { MAX_SUBSTEPS as usize }
-}
-
-/// Some names, and how many more there are.
-fn listed(names: &[String]) -> String {
-    let shown: Vec<String> = names.iter().take(3).map(|name| gaitfit_model::shown(name)).collect();
-    let more = names.len().saturating_sub(shown.len());
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", shown.join(", "))
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

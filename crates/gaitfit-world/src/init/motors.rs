@@ -2,7 +2,7 @@
 
 use super::anatomy::Anatomy;
 use super::sizes::{Sizes, tidy};
-use gaitfit_model::{JointKind, Model, shown};
+use gaitfit_model::{JointKind, Model, listed, shown};
 
 /// Torque limits of legs over m g l: the Go2's, which other robots are compared with. Walking robots have 0.3 to 3.
 const USUAL_EFFORT: f64 = 1.0;
@@ -85,9 +85,5 @@ fn of_kind(model: &Model, anatomy: &Anatomy, sizes: &Sizes, kind: JointKind) -> 
 }
 
 fn named(model: &Model, joints: &[usize]) -> String {
-    let names: Vec<String> =
-        joints.iter().take(NAMED).map(|&joint| shown(&model.joints[joint].name)).collect();
-    let more = joints.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", names.join(", "))
+    listed(joints.iter().map(|&joint| shown(&model.joints[joint].name)), NAMED)
 }

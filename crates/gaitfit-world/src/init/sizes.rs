@@ -1,9 +1,9 @@
 //! Sizes of a robot, and what of a task goes with them.
 
 use super::anatomy::Anatomy;
-use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames, lowest_point, standing_height};
 use gaitfit_model::rotation::{IDENTITY, dot};
+use gaitfit_model::{GRAVITY, Model};
 
 /// The Go2's leg length (m) and mass (kg) in its built-in task, whose numbers are carried over.
 pub const GO2_LEG: f64 = 0.3;
@@ -64,7 +64,7 @@ impl Sizes {
     pub fn new(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
         let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
         // A file may switch gravity off; commands go with √(g l) and would be zero.
-        let gravity = if gravity > 0.1 { gravity } else { 9.81 };
+        let gravity = if gravity > 0.1 { gravity } else { GRAVITY };
         let frames = body_frames(model, &Frame::WORLD, angles);
         let height = standing_height(model, IDENTITY, angles);
         let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);

@@ -66,116 +66,124 @@ pub fn with_iterations(tables: &str, iterations: u32) -> String {
 /// The tables of a configuration that are the robot's.
 pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> String {
     let mut text = String::new();
-    let biped = anatomy.biped();
-    if biped {
+    if anatomy.biped() {
         let _ = writeln!(text, "\n[train]");
         line(&mut text, "iterations", BIPED_ITERATIONS, "two legs take longer than four");
     }
     let _ = writeln!(text, "{TASK}");
-    line(
-        &mut text,
-        "base",
-        quoted("velocity"),
-        "settings that are absent here are those of this built-in task",
-    );
+    let comment = "settings that are absent here are those of this built-in task";
+    line(&mut text, "base", quoted("velocity"), comment);
     if gains.substeps != 4 {
-        line(
-            &mut text,
-            "substeps",
-            gains.substeps,
-            "physics steps between actions: gains and damping need short ones",
-        );
+        let comment = "physics steps between actions: gains and damping need short ones";
+        line(&mut text, "substeps", gains.substeps, comment);
     }
-    let feet = list(anatomy.legs.iter().map(|leg| quoted(&leg.foot)));
-    let links = anatomy.links(model).map(|links| format!(" ({links})")).unwrap_or_default();
-    let comment = format!("{}{links}; a geom, or a body with all its geoms", anatomy.how());
-    line(&mut text, "feet", feet, &comment);
-    let group = |group: &Vec<usize>| list(group.iter().map(|&leg| quoted(&anatomy.legs[leg].foot)));
-    line(&mut text, "gait", list(anatomy.gait.iter().map(group)), "feet that move together; forward is x");
+    feet_and_gait(&mut text, model, anatomy);
     own_parts(&mut text, model);
-    line(&mut text, "height", float(digits(sizes.height, 3)), "m, of the base in the default pose");
-    let lift = if biped { 0.1 } else { 0.26 };
-    let swing = format!("m, of a foot's centre in mid-swing: {lift} leg lengths above the ground");
-    line(&mut text, "swing_height", float(tidy(sizes.foot + lift * sizes.leg)), &swing);
-    let second = (sizes.leg / sizes.gravity).sqrt();
-    line(&mut text, "swing_seconds", float(tidy(1.43 * second)), "s off the ground in a step: 1.43 √(l/g)");
-    let speed = sizes.forward.max(sizes.sideways);
-    line(
-        &mut text,
-        "tracking_width",
-        float(tidy(if biped { 0.7 } else { 0.5 } * speed)),
-        "m/s: exp(-error^2 / width^2)",
-    );
-    line(&mut text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
+    lengths_and_speeds(&mut text, anatomy, sizes);
 
-    let acting = anatomy.acting();
-    let some = acting.len() < model.joints.len();
-    if some || biped || !anatomy.wheels.is_empty() {
-        let _ = writeln!(text, "\n[task.policy]");
-    }
-    if some {
-        let names = list(acting.iter().map(|&joint| quoted(&model.joints[joint].name)));
-        line(
-            &mut text,
-            "joints",
-            names,
-            "those of the legs with motors; others are held, follow another joint, or turn freely",
-        );
-    }
-    if !anatomy.wheels.is_empty() {
-        let names = list(anatomy.wheels.iter().map(|&joint| quoted(&model.joints[joint].name)));
-        line(&mut text, "velocity_joints", names, "wheels: their targets are velocities, rad/s");
-    }
-    if biped {
-        line(
-            &mut text,
-            "gait_frequency",
-            float(tidy(0.35 / second)),
-            "Hz, of the clock that the policy observes",
-        );
-        text.push_str(&biped_observations());
-    }
-    let joints: Vec<usize> = (0..model.joints.len()).collect();
-    let rolls = if anatomy.wheels.is_empty() { "" } else { "; wheels: rad/s" };
-    let unit = format!("{} per unit action{rolls}", model.units("rad"));
-    numbers(&mut text, model, &acting, "action_scale", &gains.scale, &unit);
-    numbers(
-        &mut text,
-        model,
-        &joints,
-        "kp",
-        &gains.kp,
-        &format!("{}: {}", model.units("N·m/rad"), gains.how),
-    );
-    let guessed = if gains.how.contains("(a guess)") { " (a guess)" } else { "" };
-    numbers(&mut text, model, &joints, "kd", &gains.kd, &format!("{}{guessed}", model.units("N·m·s/rad")));
-    let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
-    let stated = model.joints.iter().zip(&pose.angles).enumerate();
-    for (index, (joint, angle)) in stated.filter(|(index, _)| !model.only_follows(*index)) {
-        let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
-        let _ = writeln!(text, "{} = {angle:?}", quoted(&joint.name));
-    }
-
-    let _ = writeln!(
-        text,
-        "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}",
-        if biped { "half of it on two legs" } else { "leg length l" }
-    );
-    let range = |max: f64| format!("[{:?}, {max:?}]", 0.0 - max);
-    line(&mut text, "x", range(sizes.forward), "m/s forward");
-    let why = sizes.never_aside.map(|why| format!(": {why}")).unwrap_or_default();
-    line(&mut text, "y", range(sizes.sideways), &format!("m/s left{why}"));
-    line(&mut text, "yaw", range(sizes.turning), "rad/s");
-    if biped {
-        line(&mut text, "standing", BIPED_STANDING, "share of zero commands: two legs drift more easily");
-    }
-
+    joints_and_clock(&mut text, model, anatomy, sizes);
+    actuation(&mut text, model, anatomy, gains);
+    default_pose(&mut text, model, anatomy, pose);
+    commands(&mut text, anatomy, sizes);
     falls_and_draws(&mut text, model, anatomy, sizes, gains);
     if model.has_slides() {
         for_slides(&mut text);
     }
     rewards(&mut text, model, anatomy, sizes);
     text
+}
+
+/// Writes the feet, and which of them move together.
+fn feet_and_gait(text: &mut String, model: &Model, anatomy: &Anatomy) {
+    let feet = list(anatomy.legs.iter().map(|leg| quoted(&leg.foot)));
+    let links = anatomy.links(model).map(|links| format!(" ({links})")).unwrap_or_default();
+    let comment = format!("{}{links}; a geom, or a body with all its geoms", anatomy.how());
+    line(text, "feet", feet, &comment);
+    let group = |group: &Vec<usize>| list(group.iter().map(|&leg| quoted(&anatomy.legs[leg].foot)));
+    line(text, "gait", list(anatomy.gait.iter().map(group)), "feet that move together; forward is x");
+}
+
+/// Writes the base's height, what a step is like, and how exactly commands are to be followed.
+fn lengths_and_speeds(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
+    line(text, "height", float(digits(sizes.height, 3)), "m, of the base in the default pose");
+    let lift = if anatomy.biped() { 0.1 } else { 0.26 };
+    let swing = format!("m, of a foot's centre in mid-swing: {lift} leg lengths above the ground");
+    line(text, "swing_height", float(tidy(sizes.foot + lift * sizes.leg)), &swing);
+    let swing_seconds = 1.43 * pendulum_seconds(sizes);
+    line(text, "swing_seconds", float(tidy(swing_seconds)), "s off the ground in a step: 1.43 √(l/g)");
+    let width = if anatomy.biped() { 0.7 } else { 0.5 } * sizes.forward.max(sizes.sideways);
+    line(text, "tracking_width", float(tidy(width)), "m/s: exp(-error^2 / width^2)");
+    line(text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
+}
+
+/// The time scale of a leg that swings, √(l/g), s.
+fn pendulum_seconds(sizes: &Sizes) -> f64 {
+    (sizes.leg / sizes.gravity).sqrt()
+}
+
+/// Begins the table of the policy, if its settings differ from the built-in ones: the joints that act, and what a policy on two
+/// legs observes.
+fn joints_and_clock(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
+    let acting = anatomy.acting();
+    let some = acting.len() < model.joints.len();
+    let (biped, wheels) = (anatomy.biped(), &anatomy.wheels);
+    let names = |joints: &[usize]| list(joints.iter().map(|&joint| quoted(&model.joints[joint].name)));
+    if some || biped || !wheels.is_empty() {
+        let _ = writeln!(text, "\n[task.policy]");
+    }
+    if some {
+        let comment = "those of the legs with motors; others are held, follow another joint, or turn freely";
+        line(text, "joints", names(&acting), comment);
+    }
+    if !wheels.is_empty() {
+        let comment = "wheels: their targets are velocities, rad/s";
+        line(text, "velocity_joints", names(wheels), comment);
+    }
+    if biped {
+        let frequency = 0.35 / pendulum_seconds(sizes);
+        let comment = "Hz, of the clock that the policy observes";
+        line(text, "gait_frequency", float(tidy(frequency)), comment);
+        text.push_str(&biped_observations());
+    }
+}
+
+/// Writes how actions become torques: scales of actions and gains.
+fn actuation(text: &mut String, model: &Model, anatomy: &Anatomy, gains: &Gains) {
+    let acting = anatomy.acting();
+    let joints: Vec<usize> = (0..model.joints.len()).collect();
+    let rolls = if anatomy.wheels.is_empty() { "" } else { "; wheels: rad/s" };
+    let comment = format!("{} per unit action{rolls}", model.units("rad"));
+    numbers(text, model, &acting, "action_scale", &gains.scale, &comment);
+    let comment = format!("{}: {}", model.units("N·m/rad"), gains.how);
+    numbers(text, model, &joints, "kp", &gains.kp, &comment);
+    let guessed = if gains.how.contains("(a guess)") { " (a guess)" } else { "" };
+    let comment = format!("{}{guessed}", model.units("N·m·s/rad"));
+    numbers(text, model, &joints, "kd", &gains.kd, &comment);
+}
+
+/// Writes the angles of the default pose. Wheels have none.
+fn default_pose(text: &mut String, model: &Model, anatomy: &Anatomy, pose: &Pose) {
+    let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
+    let stated = model.joints.iter().zip(&pose.angles).enumerate();
+    for (index, (joint, angle)) in stated.filter(|(index, _)| !model.only_follows(*index)) {
+        let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
+        let _ = writeln!(text, "{} = {angle:?}", quoted(&joint.name));
+    }
+}
+
+/// Writes the ranges of commands.
+fn commands(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
+    let scale = if anatomy.biped() { "half of it on two legs" } else { "leg length l" };
+    let _ =
+        writeln!(text, "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {scale}");
+    let range = |max: f64| format!("[{:?}, {max:?}]", 0.0 - max);
+    line(text, "x", range(sizes.forward), "m/s forward");
+    let why = sizes.never_aside.map(|why| format!(": {why}")).unwrap_or_default();
+    line(text, "y", range(sizes.sideways), &format!("m/s left{why}"));
+    line(text, "yaw", range(sizes.turning), "rad/s");
+    if anatomy.biped() {
+        line(text, "standing", BIPED_STANDING, "share of zero commands: two legs drift more easily");
+    }
 }
 
 /// Settings that are one number for all joints: small enough for slides, whose unit is m.

@@ -3,7 +3,7 @@
 
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
-use super::parts::{CELLS, Part, PartKind, SHARED};
+use super::parts::{CELLS, LOGS, Part, PartKind, SEED, SHARED};
 use super::results::{SeedFit, SeedResult, Walk};
 use crate::crew::together;
 use crate::device::{Device, Devices};
@@ -19,12 +19,6 @@ use crate::watch::{Event, Watch};
 use crate::{Error, ErrorKind};
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
-
-/// Written last: a folder that has it is finished.
-pub(super) const SEED: &str = "seed.json";
-
-/// The logs of a scenario, in the folder of what its cells share.
-pub(super) const LOGS: &str = "logs";
 
 /// A table being run.
 pub struct Run<'a> {

@@ -1,7 +1,6 @@
 //! A table in parts that can be made apart from each other, on other machines for example: what the cells of a scenario
 //! share, and then each cell, for each seed. [`super::run`] takes parts that are made as they are.
 
-use super::cells::{LOGS, SEED};
 use super::{Kind, Opened, Request};
 use crate::watch::Watch;
 use crate::{Error, loop_, robot};
@@ -11,6 +10,11 @@ use std::path::PathBuf;
 
 pub(super) const SHARED: &str = "shared";
 pub(super) const CELLS: &str = "cells";
+
+/// Written last: a folder that has it is finished.
+pub(super) const SEED: &str = "seed.json";
+/// The logs of a scenario, in the folder of what its cells share.
+pub(super) const LOGS: &str = "logs";
 
 /// Kind of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,14 +1,20 @@
 //! A program with all the processes that it starts: one group, signalled as one, which ends when this process ends,
 //! however it ends.
 
+use std::time::Duration;
+
 #[cfg(unix)]
 pub use unix::Group;
 
 #[cfg(not(unix))]
 pub use other::Group;
 
+/// Interval between checks whether a program has ended, or must stop.
+pub const LOOK: Duration = Duration::from_millis(20);
+
 #[cfg(unix)]
 mod unix {
+    use super::LOOK;
     use rustix::process::{
         Pid, Signal, kill_process, kill_process_group, test_kill_process, test_kill_process_group,
     };
@@ -30,9 +36,6 @@ for second in 1 2 3 4 5; do
   kill -0 $group 2>/dev/null || exit 0
 done
 kill -KILL $group 2>/dev/null";
-
-    /// Interval between checks whether a group has ended.
-    const LOOK: Duration = Duration::from_millis(20);
 
     /// A running program and what it started.
     pub struct Group {

@@ -1,6 +1,6 @@
 //! Running another program to its end: what it prints, how long it may take, and how it is stopped.
 
-use super::group::Group;
+use super::group::{Group, LOOK};
 use crate::watch::{Event, Watch};
 use gaitfit_model::escaped;
 use std::collections::VecDeque;
@@ -20,8 +20,6 @@ const CHUNK: usize = 1 << 16;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Time to wait for a program's output once it has ended: a process that it left may hold the pipe for ever.
 const GRACE: Duration = Duration::from_secs(1);
-/// Interval between checks whether to stop.
-const LOOK: Duration = Duration::from_millis(20);
 
 /// Result of a program.
 #[derive(Debug)]

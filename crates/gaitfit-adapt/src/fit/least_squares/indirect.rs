@@ -19,6 +19,7 @@
 //! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
 //! and does not count what happens in few samples, legs that hit each other for one.
 
+use super::correction::{Correction, Round, mean};
 use super::normal::{Loss, Normal};
 use super::question::{Comparison, Failure, Question, Slope, World};
 use super::residuals::Problem;
@@ -26,7 +27,6 @@ use super::response::{Response, Shown};
 use super::uncertainty::{RIDGE, silent};
 use super::{Around, around, size};
 use crate::fit::FitError;
-use serde::{Deserialize, Serialize};
 
 /// Rounds of simulated logs, at least and at most: in each the values are moved by what the last one missed.
 const ROUNDS: [usize; 2] = [4, 8];
@@ -49,9 +49,6 @@ const FIRST_NOISE: f64 = 1.0;
 const TRIALS: usize = 2;
 /// Least noise, as a part of the first trial's, from which the effect of noise is learnt.
 const TELLING: f64 = 0.3;
-/// How much more the corrected values depend on the choice of logs. It and [`SHARE`] were chosen with which nine of ten
-/// intervals or more held the truth in fits of one seed of every kind of log in docs/results.
-const STRENGTHENED: f64 = 1.2;
 /// Steps that lead to where the slope of the loss ends.
 const FURTHER: usize = 3;
 /// They end with one shorter than this, in an entry's deviations.
@@ -60,81 +57,10 @@ const SHORT: f64 = 2e-3;
 const RISE: f64 = 0.01;
 /// Most noise, N·m.
 const MAX_NOISE: f64 = 30.0;
-/// Part of a correction that counts as one standard deviation of its error.
-const SHARE: f64 = 0.2;
-/// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away may
-/// then be of the simulated logs alone.
-const SHARE_WITHOUT_NOISE: f64 = 1.0;
 
 /// Sets of logs that a correction simulates at most, with `replicates` a round.
 pub fn sets(replicates: u32) -> usize {
     ROUNDS[1] * replicates as usize + (MEASURED + 1) * TRIALS
-}
-
-/// The correction of a fit by simulated logs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Correction {
-    /// The values that the fit found.
-    pub uncorrected: Vec<f64>,
-    /// The values whose simulated logs, fitted, would give these.
-    pub corrected: Vec<f64>,
-    /// Standard deviation of fits over sets of simulated logs, in the last rounds.
-    pub spread: Vec<f64>,
-    /// Torque noise with which simulated logs are as far from predictions as the real ones, N·m.
-    pub torque_noise: f64,
-    /// Sets of simulated logs over which the correction is averaged.
-    pub replicates: usize,
-    /// How far the robot's values move where the fit of its logs moves by one, a row a value.
-    pub response: Vec<Vec<f64>>,
-    /// The rounds.
-    pub rounds: Vec<Round>,
-}
-
-/// One round.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Round {
-    /// The values of the simulated robot.
-    pub values: Vec<f64>,
-    /// Its torque noise, N·m.
-    pub torque_noise: f64,
-    /// Ends of the fits of its logs, relative to a fit of the real ones that ends where the slope of its loss does.
-    /// Bounds do not limit them.
-    pub fits: Vec<Vec<f64>>,
-}
-
-impl Round {
-    /// Mean of the fits.
-    fn mean(&self) -> Vec<f64> {
-        (0..self.values.len()).map(|at| mean(self.fits.iter().map(|fit| fit[at]))).collect()
-    }
-
-    /// Standard deviation of that mean.
-    fn noise(&self) -> Vec<f64> {
-        let standard_error = |at: usize| {
-            let values: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
-            gaitfit_sim::stats::deviation(&values).unwrap_or(0.0) / (values.len().max(1) as f64).sqrt()
-        };
-        (0..self.values.len()).map(standard_error).collect()
-    }
-}
-
-impl Correction {
-    /// How far the correction moves each value.
-    pub fn by(&self) -> Vec<f64> {
-        self.corrected.iter().zip(&self.uncorrected).map(|(to, from)| to - from).collect()
-    }
-
-    /// One standard deviation of what the correction misses as a whole: the simulated robot is not the real one.
-    pub(super) fn doubt(&self) -> Vec<f64> {
-        let share = if self.torque_noise > 0.0 { SHARE } else { SHARE_WITHOUT_NOISE };
-        self.by().into_iter().map(|by| share * by).collect()
-    }
-
-    /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too, and
-    /// what noise weakens a correction strengthens.
-    pub(super) fn inflation(&self) -> f64 {
-        STRENGTHENED * (1.0 + 1.0 / self.replicates.max(1) as f64).sqrt()
-    }
 }
 
 /// The correction of `values`, which a search of least squares of `problem` found with its random draws, from `replicates`
@@ -392,9 +318,4 @@ impl Inference<'_> {
         let said = self.ask(simulated, noise, None, &drawn)?;
         Ok(mean(said.into_iter().map(|one| one.left)))
     }
-}
-
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
-    sum / count.max(1) as f64
 }

@@ -8,6 +8,7 @@
 //! legs in the air. Elsewhere they are central differences of the simulation, wide ones: where feet touch the ground the
 //! derivative at a point says less than the change over half a deviation.
 
+mod correction;
 mod indirect;
 mod normal;
 mod question;
@@ -17,12 +18,13 @@ mod sensitivity;
 mod uncertainty;
 mod unexplained;
 
-pub use indirect::{Correction, Round, correct, sets};
+pub use correction::{Correction, Round};
+pub use indirect::{correct, sets};
 pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
 pub use unexplained::{Unexplained, descend, unexplained};
 
 use super::FitError;
-use super::run::Stop;
+use super::stop::Stop;
 use crate::cmaes::Best;
 use crate::{Entry, Theta};
 use gaitfit_random::{Purpose, Stream};

@@ -1,5 +1,6 @@
 //! `gaitfit bench`: speed.
 
+mod measured;
 mod physics;
 mod physics_cuda;
 mod train;

@@ -1,19 +1,15 @@
 //! `gaitfit bench train`: whole iterations of PPO on a task.
 
+use super::measured::{SEED, WARM_UP, median};
 use crate::cli::BenchTrain;
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::machine;
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train::{self, Setup};
-use gaitfit_learn::{Iteration, Training, TrainingSettings};
+use gaitfit_learn::{Training, TrainingSettings};
 use serde::Serialize;
 use std::time::Instant;
-
-/// Iterations before those that are measured: memory is touched, threads are there.
-pub const WARM_UP: u32 = 2;
-/// Seed of what is measured.
-pub const SEED: u64 = 1;
 
 #[derive(Serialize)]
 struct Document {
@@ -100,14 +96,6 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         if threads == 1 { "" } else { "s" },
         document.isa
     ))
-}
-
-/// Median over the iterations.
-pub fn median(iterations: &[Iteration], value: fn(&Iteration) -> f64) -> f64 {
-    let mut values: Vec<f64> = iterations.iter().map(value).collect();
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
 }
 
 /// Linux's high-water mark of resident memory.

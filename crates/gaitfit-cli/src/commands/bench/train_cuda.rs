@@ -1,6 +1,6 @@
 //! `gaitfit bench train --device cuda`: whole iterations of PPO on a GPU.
 
-use super::train::{SEED, WARM_UP, median};
+use super::measured::{SEED, WARM_UP, median};
 use crate::cli::{BenchTrain, Products};
 use crate::exit::Failure;
 use crate::output;

@@ -11,20 +11,17 @@ use crate::settings::AdaptConfig;
 use gaitfit_adapt::cost::{Breakdown, Cost, CostKind, Recorded, Reference, Signal};
 use gaitfit_adapt::fit::{Predicted, max_falls_by_chance};
 use gaitfit_adapt::{Cancel, Resets};
+use gaitfit_log::BLOCK_S;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
 use std::sync::Arc;
 
-/// Length of a block, s.
-const BLOCK_S: f64 = 0.5;
 /// Number of times that halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
 /// Simulations of the walks, each with other random draws, if the robot itself falls: one fall more or less moves
 /// the distance by more than all else.
 const FALLING_SIMULATIONS: usize = 8;
-/// Half the width of the range that 95 % of normal draws lie in, in deviations.
-const RANGE: f64 = 1.96;
 /// Seed of the draws.
 const SEED: u64 = 15;
 
@@ -280,7 +277,7 @@ fn floor(
     let totals: Vec<f64> = drawn.iter().map(|breakdown| breakdown.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
         mean,
-        range95: RANGE * deviation,
+        range95: stats::NORMAL_95 * deviation,
         // A mean over other draws could not be set beside the robot's own.
         cost: stats::mean(&fitted).filter(|_| fitted.len() == drawn.len()),
     });

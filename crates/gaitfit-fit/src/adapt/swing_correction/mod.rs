@@ -89,7 +89,7 @@ pub fn correct(
     watch: &Watch<'_>,
 ) -> Result<(), Error> {
     let Some(report) = &findings.swings else { return Ok(()) };
-    let singles: Vec<Effect> = explain::singles(findings).cloned().collect();
+    let singles: Vec<Effect> = findings.singles().cloned().collect();
     // Real logs are measured once, at the policy's rate, as those of simulated robots are.
     let (corrected, compared) = match robot.world(logs, report, &singles, watch) {
         Ok((world, real)) => (world.corrected(report, &real.0), world.compared(real.1)),

@@ -2,7 +2,8 @@
 
 use super::guess::guessed;
 use super::{Program, Value, shapes};
-use crate::onnx::graph::{Decoded, dimensions};
+use crate::onnx::decoded::Decoded;
+use crate::onnx::graph::dimensions;
 use crate::onnx::node_error::{NodeError, misfit, unread};
 use crate::onnx::proto::ValueInfo;
 use gaitfit_model::shown;

@@ -17,7 +17,7 @@ mod tests;
 
 use super::attributes::Attributes;
 use super::constant::Constant;
-use super::graph::Decoded;
+use super::decoded::Decoded;
 use super::proto::Node;
 use crate::onnx::node_error::{NodeError, misfit};
 use gaitfit_model::shown;

@@ -1,7 +1,6 @@
 //! Logs that were not fitted: a sentence, and the distances joint by joint.
 
-use super::{HeldOut, JointDistance};
-use crate::fit::Signal;
+use super::Signal;
 use crate::format::{clean, clean_prose, significant};
 use serde::Serialize;
 
@@ -9,6 +8,41 @@ use serde::Serialize;
 const MAX_JOINTS: usize = 100;
 const SIGNALS: [(Signal, &str); 3] =
     [(Signal::Position, "Position"), (Signal::Velocity, "Velocity"), (Signal::Action, "Action")];
+
+/// How far simulated walks are from logs that were not fitted.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeldOut {
+    /// The result in a sentence.
+    pub sentence: String,
+    /// Whether the fit is as close to these logs as the robot is to itself; none: unknown.
+    pub explained: Option<bool>,
+    /// How many times closer the fitted simulator is to these logs than the one before the fit.
+    pub gain: Option<f64>,
+    /// Wasserstein-1 distances, one a joint and signal.
+    pub distances: Vec<JointDistance>,
+}
+
+/// Wasserstein-1 distance of one joint's signal to the held-out logs, in the signal's unit; NaN when unknown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointDistance {
+    /// The joint's name.
+    pub joint: String,
+    /// The signal.
+    pub signal: Signal,
+    /// Distance from the simulator before the fit.
+    pub nominal: f64,
+    /// Distance from the fitted simulator.
+    pub fitted: f64,
+    /// Distance of the robot's walks from each other.
+    pub floor: f64,
+}
+
+impl Default for JointDistance {
+    fn default() -> Self {
+        let none = f64::NAN;
+        Self { joint: String::new(), signal: Signal::Position, nominal: none, fitted: none, floor: none }
+    }
+}
 
 /// View of held-out logs on a page.
 #[derive(Serialize)]
