@@ -125,9 +125,10 @@ impl Chirp {
     pub fn write(&self, folder: &Path, force: bool) -> Result<Vec<String>, Error> {
         let differs = |(name, text): &&(&str, String)| {
             let path = folder.join(name);
+            // A file that is no text is another one, too.
             path.exists()
                 && gaitfit_run::files::read_text(&path, gaitfit_run::files::MAX_BYTES)
-                    .is_ok_and(|old| old != *text)
+                    .map_or(true, |old| old != *text)
         };
         let differing: Vec<&str> = self.files.iter().filter(differs).map(|(name, _)| *name).collect();
         if !force && !differing.is_empty() {

@@ -1,6 +1,6 @@
-//! How high uneven ground is under a point.
+//! How high the ground is under a point.
 
-use crate::model::Model;
+use crate::model::{Model, Plane};
 use crate::rotation::{Vec3, rotate};
 use crate::shown::shown;
 use crate::terrain::ObstacleShape;
@@ -62,18 +62,24 @@ pub struct SurfaceField {
 }
 
 impl Surface {
-    /// The ground of `model`; `None` if it has neither boxes nor height fields.
+    /// The ground of `model`; `None` if it is level and at height 0, with neither boxes nor height fields.
     ///
     /// # Errors
     /// A height field that is not upright.
     pub fn new(model: &Model) -> Result<Option<Self>, LeaningField> {
-        if model.obstacles.is_empty() {
+        let normal = |plane: &Plane| rotate(plane.quat, [0.0, 0.0, 1.0]);
+        // Walls have no height.
+        let plain = |plane: &Plane| {
+            let up = normal(plane)[2];
+            up <= UPRIGHT || (up == 1.0 && plane.pos[2] == 0.0)
+        };
+        if model.obstacles.is_empty() && model.planes.iter().all(plain) {
             return Ok(None);
         }
         let mut surface =
             Self { planes: Vec::new(), blocks: Vec::new(), fields: Vec::new(), lowest: f64::INFINITY };
         for plane in &model.planes {
-            let normal = rotate(plane.quat, [0.0, 0.0, 1.0]);
+            let normal = normal(plane);
             if normal[2] > UPRIGHT {
                 let slopes = [-normal[0] / normal[2], -normal[1] / normal[2]];
                 let [x, y, z] = plane.pos;
@@ -199,8 +205,17 @@ mod tests {
     }
 
     #[test]
-    fn flat_ground_has_no_surface() {
+    fn flat_ground_at_height_0_has_no_surface() {
         assert!(surface(r#"<geom type="plane" size="1 1 1"/>"#).unwrap().is_none());
+        assert!(surface("").unwrap().is_none());
+    }
+
+    #[test]
+    fn a_raised_or_tilted_plane_has_a_surface() {
+        let raised = surface(r#"<geom type="plane" size="1 1 1" pos="3 0 0.5"/>"#).unwrap().unwrap();
+        assert_eq!(raised.height(-7.0, 2.0), 0.5);
+        let tilted = surface(r#"<geom type="plane" size="1 1 1" euler="0 -10 0"/>"#).unwrap().unwrap();
+        assert!((tilted.height(2.0, 1.0) - 2.0 * 10f64.to_radians().tan()).abs() < 1e-12);
     }
 
     #[test]

@@ -285,8 +285,8 @@ impl TaskSettings {
         nominal
     }
 
-    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, starts at rest, the robot file's
-    /// ground.
+    /// The task as it is evaluated: the nominal robot without noise, pushes and velocities at the start, on the robot file's
+    /// ground. Commands and other deviations of the start stay.
     pub fn calm(&self) -> Self {
         let mut calm = self.clone();
         calm.noise.half_ranges.values_mut().for_each(|half_range| *half_range = 0.0);

@@ -284,13 +284,12 @@ impl Walker {
         !self.model().self_pairs.is_empty()
     }
 
-    /// The ground, where boxes or height fields make it uneven.
+    /// The ground, where it is not one level plane at height 0.
     pub fn ground(&self) -> Option<&Surface> {
         self.ground.as_ref()
     }
 
-    /// Height of the ground under a point of the world (m), from which heights count: that of uneven ground there; 0 on
-    /// flat ground, wherever its plane lies.
+    /// Height of the ground under a point of the world (m), from which heights count.
     pub fn ground_under(&self, point: [f32; 3]) -> f32 {
         match &self.ground {
             Some(ground) => ground.height(f64::from(point[0]), f64::from(point[1])) as f32,

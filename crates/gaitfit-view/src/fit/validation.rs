@@ -4,6 +4,7 @@ use super::Validation;
 use crate::chart::extent;
 use crate::format::{clean, significant};
 use serde::Serialize;
+use std::collections::BTreeSet;
 
 /// Max number of logs that are shown.
 const MAX_FILES: usize = 30;
@@ -44,7 +45,7 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
     }
     // Logs may name different joints: the union, in order of appearance.
     let mut names: Vec<&str> = Vec::new();
-    let mut joints_left_out = 0;
+    let mut left_out = BTreeSet::new();
     for (name, _) in shown.iter().flat_map(|v| &v.rmse_per_joint) {
         if names.contains(&name.as_str()) {
             continue;
@@ -52,9 +53,11 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
         if names.len() < MAX_JOINTS {
             names.push(name);
         } else {
-            joints_left_out += 1;
+            // A set: every log may name the joint.
+            left_out.insert(name);
         }
     }
+    let joints_left_out = left_out.len();
     let of_joint = |v: &Validation, joint: &str| {
         v.rmse_per_joint.iter().find(|(name, _)| name == joint).map_or(f64::NAN, |(_, rmse)| *rmse)
     };

@@ -18,8 +18,9 @@ pub(crate) struct ShownDoubt {
 
 /// The doubts, the worst first.
 pub(crate) fn doubts(list: &[Doubt]) -> Vec<ShownDoubt> {
-    let mut sorted: Vec<&Doubt> = list.iter().take(MAX_DOUBTS).collect();
+    let mut sorted: Vec<&Doubt> = list.iter().collect();
     sorted.sort_by_key(|doubt| doubt.kind);
+    sorted.truncate(MAX_DOUBTS);
     let shown = |doubt: &Doubt| ShownDoubt {
         headline: doubt.kind.headline(),
         text: if doubt.text.is_empty() { doubt.kind.meaning().to_string() } else { clean_prose(&doubt.text) },

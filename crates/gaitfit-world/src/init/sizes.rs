@@ -66,7 +66,9 @@ impl Sizes {
         // A file may switch gravity off; commands go with √(g l) and would be zero.
         let gravity = if gravity > 0.1 { gravity } else { GRAVITY };
         let frames = body_frames(model, &Frame::WORLD, angles);
-        let height = standing_height(model, IDENTITY, angles);
+        // Tasks count heights from the ground, wherever the file has its plane.
+        let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
+        let height = standing_height(model, IDENTITY, angles) - ground;
         let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
         let count = anatomy.legs.len() as f64;
         let (mut leg, mut foot) = (0.0, 0.0);
