@@ -6,7 +6,7 @@ use crate::host;
 use gaitfit_cuda::ppo::{Batch, Flat, Limits, Precision, Prepared, Share};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::{Learner, MemorySettings, Samples, Settings, Widths, bench::synthetic};
-use gaitfit_policy::network::{Activation, Cell, Memory};
+use gaitfit_policy::network::{Activation, Cell, Memory, Recurrent};
 use host::{Arrays, bytes, doubles, floats};
 
 pub const WIDTHS: Widths = Widths { observation: 7, critic_observation: 35, action: 3 };
@@ -36,7 +36,7 @@ pub fn problem_of(settings: &Settings, environments: [usize; 2]) -> (Learner, Ve
     samples_for(Learner::new(settings.clone(), WIDTHS, 5).unwrap(), environments)
 }
 
-fn samples_for(mut learner: Learner, environments: [usize; 2]) -> (Learner, Vec<Samples>) {
+pub fn samples_for(mut learner: Learner, environments: [usize; 2]) -> (Learner, Vec<Samples>) {
     let tiles = |learner: &Learner, seed: u64| -> Vec<Samples> {
         let tile = |(number, &count)| synthetic(learner, 1, count, BATCH.steps, seed + number);
         (0..).zip(&environments).flat_map(tile).collect()
@@ -44,7 +44,8 @@ fn samples_for(mut learner: Learner, environments: [usize; 2]) -> (Learner, Vec<
     learner.update(&mut tiles(&learner, 1), 0, 1).unwrap();
     let mut samples = tiles(&learner, 3);
     // Rollouts go on from rollouts: something is remembered, and some episodes end in their midst.
-    for (number, tile) in samples.iter_mut().enumerate().filter(|(_, tile)| !tile.actor_memory.is_empty()) {
+    let remembers = |tile: &Samples| !tile.actor_memory.is_empty() || !tile.critic_memory.is_empty();
+    for (number, tile) in samples.iter_mut().enumerate().filter(|(_, tile)| remembers(tile)) {
         for memory in [&mut tile.actor_memory, &mut tile.critic_memory] {
             let count = memory.numbers().len();
             let numbers: Vec<f32> =
@@ -67,9 +68,13 @@ pub fn remembered(tiles: &[Samples], of: fn(&Samples) -> &Memory) -> Vec<u8> {
 
 /// The arrays of memories, where there are some.
 fn memory_arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared) -> Arrays {
-    let Some((actor, critic)) = learner.actor_memory().zip(learner.critic_memory()) else {
+    let memories = [learner.actor_memory(), learner.critic_memory()];
+    if memories.iter().all(Option::is_none) {
         return Arrays::new();
-    };
+    }
+    // A network without a memory takes its observation.
+    let widths = [WIDTHS.observation, WIDTHS.critic_observation];
+    let [actor, critic] = [0, 1].map(|number| memories[number].map_or(widths[number], Recurrent::outputs));
     let flat = Flat::new(learner);
     let unit = |width: usize| [vec![1.0f32; width], vec![0.0; width]].concat();
     Arrays::from([
@@ -78,7 +83,7 @@ fn memory_arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared) -> A
         ("memory_parameters", bytes(&flat.memories, f32::to_ne_bytes)),
         ("memory_moments", bytes(&flat.memory_moments, f32::to_ne_bytes)),
         ("memory_turn", bytes(&prepared.turn, u32::to_ne_bytes)),
-        ("memory_unit", bytes(&[unit(actor.outputs()), unit(critic.outputs())].concat(), f32::to_ne_bytes)),
+        ("memory_unit", bytes(&[unit(actor), unit(critic)].concat(), f32::to_ne_bytes)),
     ])
 }
 
@@ -141,7 +146,7 @@ pub fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: P
 }
 
 /// As [`compare`], of this learner and these samples.
-fn compare_on(
+pub fn compare_on(
     (mut learner, mut tiles): (Learner, Vec<Samples>),
     iteration: u32,
     flags: [u32; 2],
@@ -155,7 +160,7 @@ fn compare_on(
     let out = host::run(&prepared.program.text, &prepared.plan, &arrays, &["packed"]);
     let report = learner.update(&mut tiles, iteration, 1).unwrap();
     let after = Flat::new(&learner);
-    let remembers = learner.actor_memory().is_some();
+    let remembers = learner.actor_memory().or(learner.critic_memory()).is_some();
     let memories = [("memory_parameters", "memory_moments", &after.memories, &after.memory_moments)];
     for (parameters, moments, wanted, wanted_moments) in
         [("parameters", "moments", &after.parameters, &after.moments)]

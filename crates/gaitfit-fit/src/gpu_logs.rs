@@ -52,7 +52,7 @@ mod with_cuda {
             let made: Vec<Mutex<Vec<Option<Track>>>> =
                 begins.iter().map(|all| Mutex::new(vec![None; all.len()])).collect();
             let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
-                let track = track(joints, &tracks);
+                let track = tracks.log(joints);
                 let mut of_job = made[job].lock().unwrap_or_else(PoisonError::into_inner);
                 of_job[recording] = Some(track);
                 if of_job.iter().all(Option::is_some) {
@@ -70,28 +70,6 @@ mod with_cuda {
             let is_left = |job: &usize| !made[*job].lock().unwrap_or_else(PoisonError::into_inner).is_empty();
             (0..jobs.len()).filter(is_left).collect()
         }
-    }
-
-    /// The signals of a recording as the CPU keeps them.
-    fn track(joints: usize, tracks: &Tracks<'_>) -> Track {
-        let mut track = Track { fell_at: tracks.fell_at, ..Track::default() };
-        for row in tracks.rows.chunks_exact(tracks.dimensions) {
-            let mut rest = row;
-            for (signal, width) in [
-                (&mut track.position, joints),
-                (&mut track.velocity, joints),
-                (&mut track.action, joints),
-                (&mut track.base_position, 3),
-                (&mut track.base_velocity, 3),
-                (&mut track.base_quaternion, 4),
-                (&mut track.base_rates, 3),
-            ] {
-                let (values, others) = rest.split_at(width);
-                signal.extend_from_slice(values);
-                rest = others;
-            }
-        }
-        track
     }
 }
 

@@ -41,7 +41,7 @@ pub struct CollectSettings {
     pub privileged: bool,
     /// A file of commands to play, one sequence a trajectory, instead of drawing them.
     pub commands: Option<PathBuf>,
-    /// What simulates; the CPU plays commands of a file.
+    /// What simulates.
     pub device: Device,
 }
 
@@ -94,10 +94,7 @@ pub fn collect_in(
     }
     let count = played.as_ref().map_or(count, Vec::len);
     check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
-    // Played commands run on the CPU in any case.
-    if played.is_none() {
-        settings.device.check()?;
-    }
+    settings.device.check()?;
     // A refusal leaves no lock in a folder with logs that no process has owned.
     if folder.is_dir() && !Owned::was_taken(folder) {
         check_no_logs(folder)?;
@@ -111,8 +108,7 @@ pub fn collect_in(
     let writer = LogWriter::new(folder, count)?;
     let recorded = match &played {
         Some(sequences) => {
-            only_the_cpu_plays(settings.device, watch)?;
-            play(&world, &options, sequences, settings.world.seed, threads, watch)
+            play(&world, &options, sequences, settings.world.seed, threads, settings.device, watch)
                 .and_then(|logs| writer.put_all(&logs))
         }
         None => {
@@ -220,21 +216,6 @@ fn on_gpu(
     if cancel() { Err(TaskError::Interrupted.into()) } else { Ok(logs) }
 }
 
-/// Refuses a GPU that was asked for, or says that the one that was found is not used.
-fn only_the_cpu_plays(device: Device, watch: &Watch<'_>) -> Result<(), Error> {
-    if device == Device::Cpu {
-        return Ok(());
-    }
-    let error = Error::Refused(
-        "commands of a file (--commands) are played on the CPU alone: --device cpu".to_owned(),
-    );
-    match device.instead(&error) {
-        Some(note) => watch.note(&note),
-        None => return Err(error),
-    }
-    Ok(())
-}
-
 /// Lets the policy walk under `sequences` and records it as `gaitfit_learn::collect` does.
 fn play(
     world: &World,
@@ -242,6 +223,7 @@ fn play(
     sequences: &[Sequence],
     seed: u64,
     threads: usize,
+    device: Device,
     watch: &Watch<'_>,
 ) -> Result<Vec<Recording>, Error> {
     let walker = &world.scene.walker;
@@ -283,7 +265,7 @@ fn play(
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
     // Walks end on several threads and in any order; each has its place.
     let logs = Mutex::new(vec![None; scripts.len()]);
-    let keep = |_: usize, number: usize, track: &follow::Track| {
+    let keep = |number: usize, track: &follow::Track| {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();
         let made = Recorded::new(walker, &scripts[number], track);
         let fell_at = made.fell_at;
@@ -296,13 +278,20 @@ fn play(
     };
     let amount = Amount { what: "log", parts: "logs", total: scripts.len(), pieces: scripts.len() };
     watch.shared(amount, |done| {
-        let keep = |job: usize, number: usize, track: &follow::Track| {
-            keep(job, number, track);
+        let keep = |number: usize, track: &follow::Track| {
+            keep(number, track);
             done(1);
         };
-        follow::follow(walker, &world.policy, &scripts, std::slice::from_ref(&job), threads, &keep, &|| {
-            watch.stop()
-        })
+        let cancel = || watch.stop();
+        device.run(
+            watch,
+            |gpu| device::follow(gpu, (walker, &world.policy), &scripts, &job, threads, &keep, &cancel),
+            || {
+                let keep = |_: usize, number: usize, track: &follow::Track| keep(number, track);
+                let jobs = std::slice::from_ref(&job);
+                Ok(follow::follow(walker, &world.policy, &scripts, jobs, threads, &keep, &cancel)?)
+            },
+        )
     })?;
     let logs = logs.into_inner().unwrap_or_else(PoisonError::into_inner);
     let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {

@@ -149,7 +149,7 @@ pub struct Collect {
     /// Also record the base's position and velocity, which a robot does not measure
     #[arg(long, hide = true)]
     pub privileged: bool,
-    /// What simulates walks under random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
+    /// What simulates the walks: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
     /// or more, if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,

@@ -9,6 +9,7 @@
 
 mod candidates;
 mod error;
+mod follow;
 mod multi_gpu;
 mod numbers;
 mod plan;
@@ -22,6 +23,7 @@ mod tracks;
 
 pub use candidates::{Candidates, Compared, Measured, Parts};
 pub use error::FitError;
+pub use follow::follow;
 pub use multi_gpu::MultiGpu;
 pub use numbers::{Begin, Numbers, Readings};
 pub use plan::{Plan, Sizes};

@@ -67,10 +67,10 @@ impl Learner {
             // The first part begins with what is remembered now, the others with what was remembered before their
             // cuts.
             for part in 0..rows / environments.max(1) {
-                let Some((launches, [seen, before])) = self.plan.remember_tail(part) else { continue };
+                let Some((launches, seen, before)) = self.plan.remember_tail(part) else { continue };
                 for (number, launch) in launches.iter().enumerate() {
                     let seen = (number == 0).then(|| (seen, critic_observation.into()));
-                    let before = (part > 0).then(|| (before, remembered.into()));
+                    let before = before.filter(|_| part > 0).map(|before| (before, remembered.into()));
                     let others: Vec<(usize, Argument)> = seen.into_iter().chain(before).collect();
                     self.start_with(stream, launch, &others)?;
                 }

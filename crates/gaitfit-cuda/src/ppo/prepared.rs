@@ -7,7 +7,7 @@ use super::launch::Batch;
 use super::plan::{Plan, Task, check_shared, turns};
 use super::text::{MAX_ACTIONS, Room, Text};
 use crate::runtime::{Device, Program};
-use gaitfit_policy::network::RecurrentShape;
+use gaitfit_policy::network::{Cell, Recurrent, RecurrentShape};
 
 /// Properties of a GPU that plans must know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,9 +42,17 @@ pub struct Prepared {
     pub sizes: [usize; 2],
 }
 
-/// Shapes of the actor's and the critic's memory, of a learner that has both.
+/// Shapes of the actor's and the critic's memory, of a learner that has one. Without a memory before it, a network has a shape
+/// without layers.
 pub(super) fn memories(learner: &ppo::Learner) -> Option<[RecurrentShape; 2]> {
-    Some([learner.actor_memory()?.shape(), learner.critic_memory()?.shape()])
+    let widths = learner.widths();
+    let memories = [learner.actor_memory(), learner.critic_memory()];
+    let inputs = [widths.observation, widths.critic_observation];
+    let shape = |number: usize| {
+        let none = || RecurrentShape { cell: Cell::Gru, inputs: inputs[number], hidden: Vec::new() };
+        memories[number].map_or_else(none, Recurrent::shape)
+    };
+    memories.iter().any(Option::is_some).then(|| [0, 1].map(shape))
 }
 
 impl Prepared {
@@ -62,13 +70,13 @@ impl Prepared {
         check_sizes(settings, widths, batch)?;
         check_networks(learner)?;
         let minibatches = settings.minibatches;
-        if learner.actor_memory().is_some() && batch.environments < minibatches {
-            let robots = batch.environments;
-            return Err(UpdateError::from(SamplesError::TooFewRobots { robots, minibatches }).into());
-        }
         let shapes = [&learner.actor().shape, &learner.critic().shape];
         let memories = memories(learner);
         if let Some(memories) = &memories {
+            let robots = batch.environments;
+            if robots < minibatches {
+                return Err(UpdateError::from(SamplesError::TooFewRobots { robots, minibatches }).into());
+            }
             check_shared(memories, limits.shared_memory)?;
         }
         let room = Room {
@@ -119,10 +127,6 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
 /// # Errors
 /// [`PpoError::Unsupported`].
 pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
-    if learner.actor_memory().is_some() != learner.critic_memory().is_some() {
-        let what = "a memory before only one of actor and critic".to_owned();
-        return Err(PpoError::Unsupported(what));
-    }
     for network in [learner.actor(), learner.critic()] {
         let activation = network.shape.activation;
         // Kernels keep the layers' outputs alone.

@@ -221,6 +221,34 @@ fn gpu_candidates_remember_as_the_cpus() {
     }
 }
 
+/// Commands of a file, played by one robot: every script has its track, and its first samples are the CPU's.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_follows_scripts_as_the_cpu() {
+    let device = Device::open(0).unwrap();
+    let (task, policy) = walking(4);
+    let scripts = scripts(&task, &policy, 7, 40);
+    let mut job = Job { candidate: robot(2, &[]), reset_every: None, seed: 3 };
+    let wanted = tracks(&task, &policy, &scripts, std::slice::from_ref(&job));
+    let found = Mutex::new(vec![Track::default(); scripts.len()]);
+    let keep = |script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+    gaitfit_cuda::fit::follow(&device, &task.walker, &policy, &scripts, &job, 4, &keep, &|| false).unwrap();
+    for (found, wanted) in found.into_inner().unwrap().iter().zip(&wanted) {
+        assert_eq!(
+            (found.action.len(), found.base_rates.len()),
+            (wanted.action.len(), wanted.base_rates.len())
+        );
+        for (found, wanted) in rows(found, 12).iter().zip(&rows(wanted, 12)).take(6) {
+            let error = found.iter().zip(wanted).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            assert!(error < 1e-2, "off by {error}");
+        }
+    }
+    job.reset_every = Some(5);
+    let error =
+        gaitfit_cuda::fit::follow(&device, &task.walker, &policy, &scripts, &job, 4, &|_, _| (), &|| false);
+    assert!(error.unwrap_err().to_string().contains("resets"));
+}
+
 /// Robots walk for a while before their logs begin. The logs begin as on the CPU, and a second run gives the same bits.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]

@@ -66,9 +66,9 @@ impl RecurrentShape {
         self.layers().last().map_or(0, |layer| layer.parts[3].end)
     }
 
-    /// Width of the output.
+    /// Width of the output; without layers that of the input.
     pub fn outputs(&self) -> usize {
-        self.hidden.last().copied().unwrap_or(0)
+        self.hidden.last().copied().unwrap_or(self.inputs)
     }
 
     /// Numbers that are remembered of one environment.

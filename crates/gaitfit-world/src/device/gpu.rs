@@ -11,6 +11,9 @@ use gaitfit_learn::collect::{CollectOptions, Collected};
 use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track};
+use gaitfit_policy::walker::Walker;
 use gaitfit_sim::Candidate;
 
 pub use gaitfit_cuda::rollout::Trainer;
@@ -101,6 +104,22 @@ pub fn collect(
     cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Collected>, Error> {
     rollout::collect(gpu, subject, options, cancel).map(Option::unwrap_or_default).map_err(rollout_error)
+}
+
+/// Walks under the commands of `scripts`, as [`gaitfit_policy::follow::follow`] makes them.
+///
+/// # Errors
+/// A policy that the GPU cannot run, or its failure.
+pub fn follow(
+    gpu: &Gpu,
+    (walker, policy): (&Walker, &Policy),
+    scripts: &[Script],
+    job: &Job,
+    threads: usize,
+    consume: &(dyn Fn(usize, &Track) + Sync),
+    cancel: &(dyn Fn() -> bool + Sync),
+) -> Result<(), Error> {
+    gaitfit_cuda::fit::follow(gpu, walker, policy, scripts, job, threads, consume, cancel).map_err(fit_error)
 }
 
 /// Continues `training` on a GPU, or on several together.

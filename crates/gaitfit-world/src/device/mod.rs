@@ -7,7 +7,7 @@ mod gpu;
 mod gpu;
 mod several;
 
-pub use gpu::{Gpu, Trainer, collect, crossings, drift, start_training, store_training, trials};
+pub use gpu::{Gpu, Trainer, collect, crossings, drift, follow, start_training, store_training, trials};
 #[cfg(feature = "cuda")]
 pub use gpu::{cuda_error, fit_error, rollout_error};
 pub use several::Devices;

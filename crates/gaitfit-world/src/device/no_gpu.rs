@@ -7,6 +7,9 @@ use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_learn::{Iteration, Training};
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track};
+use gaitfit_policy::walker::Walker;
 use gaitfit_sim::Candidate;
 use std::convert::Infallible;
 use std::marker::PhantomData;
@@ -115,6 +118,22 @@ pub fn collect(
     _options: &CollectOptions,
     _cancel: &dyn Fn() -> bool,
 ) -> Result<Vec<Collected>, Error> {
+    match gpu.never {}
+}
+
+/// Walks under the commands of scripts.
+///
+/// # Errors
+/// None.
+pub fn follow(
+    gpu: &Gpu,
+    _policy: (&Walker, &Policy),
+    _scripts: &[Script],
+    _job: &Job,
+    _threads: usize,
+    _consume: &(dyn Fn(usize, &Track) + Sync),
+    _cancel: &(dyn Fn() -> bool + Sync),
+) -> Result<(), Error> {
     match gpu.never {}
 }
 

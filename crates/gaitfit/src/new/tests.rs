@@ -119,7 +119,10 @@ fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
 fn a_policy_that_is_not_trained_here_gives_a_fit() {
     let folder = tempfile::tempdir().unwrap();
     let mut policy = gaitfit_policy_files::read(&root("assets/go2-walk.safetensors")).unwrap();
-    policy.actor.output = Some(gaitfit_policy::network::Activation::Tanh);
+    let width = policy.actor.shape.hidden[0];
+    let (weight, bias) = (vec![1.0; width], vec![0.0; width]);
+    let norm = gaitfit_policy::network::LayerNorm { weight, bias, epsilon: 1e-5 };
+    policy.actor.norms = vec![Some(norm)];
     let path = folder.path().join("policy.safetensors");
     std::fs::write(&path, gaitfit_policy_files::weights::write(&policy).unwrap()).unwrap();
     let out = Some(folder.path().join("new.toml"));

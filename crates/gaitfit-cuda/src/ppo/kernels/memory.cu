@@ -116,6 +116,20 @@ KERNEL remember(
     }
 }
 
+// Rows of a network without a memory, in the order of `remember`'s rows: row `local` of `taken` is the observation of a robot at
+// a step, with its factors and offsets.
+KERNEL pass_on(
+    u32 steps, u32 robots, u32 from, u32 listed, u32 environments, u32 first_row, u32 inputs, const u32* list, const float* input,
+    const float* scale, float* taken
+) {
+    u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= (u64)steps * robots * inputs) return;
+    u32 local = (u32)(i / inputs), k = (u32)(i % inputs), step = local / robots, r = local % robots;
+    u32 e = listed ? list[from + r] : r;
+    u64 row = first_row + (u64)step * environments + e;
+    taken[i] = input[row * inputs + k] * scale[k] + scale[inputs + k];
+}
+
 // The way back through one layer: `gates` and, of a GRU, `of_output` become derivatives by the products. `turned`: the
 // parameters with each matrix transposed, in the same places; that of the output's product begins at `place`.
 KERNEL recall(

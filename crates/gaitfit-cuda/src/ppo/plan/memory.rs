@@ -55,6 +55,8 @@ struct Net {
     start: Value,
     /// The first layer's input.
     taken: Value,
+    /// Derivative by `taken`, of a network without a memory.
+    derivative: Value,
     layers: Vec<Layer>,
 }
 
@@ -174,6 +176,11 @@ impl Memory {
                 state: m.array(state, Kind::F32, environments * shape.remembered()),
                 start: m.array(start, Kind::F32, environments * shape.remembered()),
                 taken: m.array(taken, Kind::F32, rows * shape.inputs),
+                derivative: m.array(
+                    "derivative",
+                    Kind::F32,
+                    if shape.hidden.is_empty() { rows * shape.inputs } else { 0 },
+                ),
                 layers,
                 shape,
             };
@@ -210,10 +217,10 @@ impl Memory {
 
     /// Arrays that the networks take as input, and those that its derivatives go to.
     pub(super) fn seen(&self) -> [[Value; 2]; 2] {
-        // A shape has at least one layer.
+        let none = |net: &Net| [net.taken, net.derivative];
         self.nets
             .each_ref()
-            .map(|net| net.layers.last().map_or([self.robots; 2], |layer| [layer.output, layer.derivative]))
+            .map(|net| net.layers.last().map_or_else(|| none(net), |layer| [layer.output, layer.derivative]))
     }
 
     /// Squares of the gradient's norm, and how many there are of each network.
@@ -267,14 +274,14 @@ impl Memory {
     }
 
     /// The critic's memory over the states that its caller observed, from row `part · environments` on, and two places of
-    /// arguments: the observations, of the first launch, and what is remembered before them, of all.
-    pub(super) fn tail(&self, part: usize) -> (Vec<Launch>, [usize; 2]) {
+    /// arguments: the observations, of the first launch, and what is remembered before them, of all that remember.
+    pub(super) fn tail(&self, part: usize) -> (Vec<Launch>, usize, Option<usize>) {
         let net = &self.nets[1];
         let first = part * self.environments;
         let start_first = part.saturating_sub(1) * self.environments;
         let launches = self.layers(net, &self.once(net, net.observation, first, start_first, false));
-        // Places of `input` and `start` in the arguments of `layers`.
-        (launches, [18, 21])
+        // Places of `input` and `start` in the arguments of `pass_on`, and of `layers`.
+        if net.layers.is_empty() { (launches, 8, None) } else { (launches, 18, Some(21)) }
     }
 
     fn once(&self, net: &Net, input: Value, first_row: usize, start_first: usize, keep: bool) -> Run {
@@ -283,6 +290,9 @@ impl Memory {
     }
 
     fn layers(&self, net: &Net, run: &Run) -> Vec<Launch> {
+        if net.layers.is_empty() {
+            return vec![self.pass_on(net, run)];
+        }
         let (shape, mut start_at) = (&net.shape, 0);
         let mut launches = Vec::new();
         for (index, (span, layer)) in shape.layers().iter().zip(&net.layers).enumerate() {
@@ -326,6 +336,24 @@ impl Memory {
             start_at += shape.cell.remembered() * span.hidden;
         }
         launches
+    }
+
+    /// Rows of a network without a memory, in the order of those behind memories.
+    fn pass_on(&self, net: &Net, run: &Run) -> Launch {
+        let arguments = [
+            word(run.steps),
+            word(run.robots),
+            word(run.from.unwrap_or(0)),
+            word(usize::from(run.from.is_some())),
+            word(self.environments),
+            word(run.first_row),
+            word(net.shape.inputs),
+            self.robots,
+            run.input.unwrap_or(net.observation),
+            net.scale,
+            net.taken,
+        ];
+        launch("pass_on", Shape::cover(run.steps * run.robots * net.shape.inputs, THREADS), &arguments)
     }
 
     /// The way back of a minibatch, to the gradient of the memories; `turn`: which of this GPU's arrays takes it, of several GPUs.
