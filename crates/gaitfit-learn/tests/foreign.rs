@@ -13,7 +13,7 @@ use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
-use gaitfit_policy::network::Scratch;
+use gaitfit_policy::network::{Activation, Scratch};
 use gaitfit_policy::observation::Sensed;
 use gaitfit_policy_files::read;
 use gaitfit_sim::Candidate;
@@ -128,4 +128,31 @@ fn a_recurrent_policy_walks_is_followed_and_trained() {
         let trained = training.policy("", "");
         assert!(trained.front != policy.front && trained.is_recurrent(), "{name}");
     }
+}
+
+/// SiLU layers and a tanh of the output, as Brax and MuJoCo Playground have them: the policy in rollouts and the one in updates are the
+/// same, so before the first step no sample is outside the clip.
+#[test]
+fn a_policy_with_swish_and_a_bounded_output_is_trained_further() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let mut policy = read(path.as_ref()).unwrap();
+    policy.actor.shape.activation = Activation::Silu;
+    policy.actor.output = Some(Activation::Tanh);
+    policy.critic = None;
+    let model = gaitfit_model::read(fixture("../../../../../assets/go2.xml").as_ref(), &Default::default());
+    let mut interface = policy.interface.clone();
+    interface.critic_observation = interface.observation.clone();
+    let settings = TaskSettings::default();
+    let task = Task::with_interface(&model.unwrap(), &settings, interface, Preset::Fast, 0.0).unwrap();
+    let settings = TrainingSettings { environments: 16, steps: 8, iterations: 2 };
+    let once = ppo::Settings { epochs: 1, minibatches: 1, ..ppo::Settings::default() };
+    let learner = Training::learner_from(&task, &once, &policy, 1).unwrap();
+    let mut training = Training::new(&task, None, &settings, learner, 1).unwrap();
+    let report = training.iterate(1).unwrap();
+    let diagnostics = report.diagnostics;
+    assert!(diagnostics.clip_fraction == 0.0 && diagnostics.approx_kl_k3.abs() < 1e-9, "{diagnostics:?}");
+    let trained = training.policy("", "").actor;
+    assert_eq!((trained.shape.activation, trained.output), (Activation::Silu, Some(Activation::Tanh)));
+    assert!(trained.parameters != policy.actor.parameters);
+    assert!(trained.parameters.iter().all(|x| x.is_finite()));
 }
