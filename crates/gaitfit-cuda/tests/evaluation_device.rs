@@ -10,7 +10,7 @@ use gaitfit_learn::task::{Task, TaskSettings, TerrainSettings};
 use gaitfit_learn::{Training, TrainingSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::network::{Activation, Cell, Network, Shape};
-use gaitfit_policy::{Encoder, Front, Latent, Policy};
+use gaitfit_policy::{Encoder, Front, Interface, Latent, Policy};
 
 /// 10,000 trajectories: the same commands, and means that agree within their intervals.
 #[test]
@@ -88,8 +88,18 @@ fn gpu_policies_of_all_kinds_move_as_the_cpus() {
         ("two-part", two_part),
         ("plain", plain),
     ] {
-        let subject =
-            Subject { task: &task, policy: &policy, candidate: None, seed: SEED, cancel: None, moved: None };
+        // Policies of other trainers have no critic, and their files do not state what it observes.
+        let bare = (label == "two-part").then(|| {
+            let interface = Interface { critic_observation: Vec::new(), ..policy.interface.clone() };
+            let policy = Policy { interface, critic: None, ..policy.clone() };
+            let settings = task.settings.clone();
+            (
+                Task::with_interface(&go2(), &settings, policy.interface.clone(), Preset::Fast, 0.0).unwrap(),
+                policy,
+            )
+        });
+        let (task, policy) = bare.as_ref().map_or((&task, &policy), |(task, policy)| (task, policy));
+        let subject = Subject { task, policy, candidate: None, seed: SEED, cancel: None, moved: None };
         // More than are simulated at once: the last robots begin without what those before them remember.
         let count = 16_500;
         let trials = run_trials(&device, &subject, count, 0.3, &|| false).unwrap().unwrap();
@@ -102,7 +112,7 @@ fn gpu_policies_of_all_kinds_move_as_the_cpus() {
         assert!(errors[16_384..].iter().all(|error| *error < 1e-2));
         errors.sort_by(f64::total_cmp);
         println!("{label}: apart by {} (half), {} (99 %)", errors[count / 2], errors[count * 99 / 100]);
-        assert!(errors[count / 2] < 1e-4 && errors[count * 9 / 10] < 1e-2);
+        assert!(errors[count / 2] < 1e-6 && errors[count * 9 / 10] < 1e-2);
     }
 }
 

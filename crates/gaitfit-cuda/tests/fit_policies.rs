@@ -42,8 +42,10 @@ fn cxx_walks_of_policies_with_a_memory_are_the_cpus() {
         let policy = remembering(&policy, cell, hidden);
         let job = |amount, seed| Job { candidate: friction(amount), reset_every: None, seed };
         let walking = (task, policy);
-        compare(cell.name(), &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19, 24], [8, 4]);
-        compare_from(cell.name(), &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
+        match cell {
+            Cell::Lstm => compare(cell.name(), &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19, 24], [8, 4]),
+            Cell::Gru => compare_from(cell.name(), &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7])),
+        };
         // Nobody knows what the policy remembered where the log would put the robot.
         let scripts = scripts(&walking.0, &walking.1, &[9]);
         let jobs = [Job { reset_every: Some(3), ..job(0.1, 1) }];
@@ -54,47 +56,30 @@ fn cxx_walks_of_policies_with_a_memory_are_the_cpus() {
     }
 }
 
-/// Two-part policies with the latent behind or before what the actor sees of the observation.
+/// Two-part policies with the latent behind or before what the actor sees of the observation. Each has three functions of layers, and
+/// one has a layer norm.
 #[test]
 #[ignore = "needs g++"]
-fn cxx_walks_of_two_part_policies_are_the_cpus() {
-    for (latent, activation) in
-        [(Latent::Last, Activation::Silu), (Latent::First, Activation::LeakyRelu(0.1))]
-    {
+fn cxx_walks_of_two_part_policies_with_any_activation_are_the_cpus() {
+    for (latent, [of_encoder, of_actor, of_output]) in [
+        (Latent::Last, [Activation::Silu, Activation::Relu, Activation::Tanh]),
+        (Latent::First, [Activation::LeakyRelu(0.2), Activation::Selu, Activation::EluOf(0.7)]),
+        (Latent::Last, [Activation::Gelu, Activation::GeluTanh, Activation::Silu]),
+    ] {
         let (task, policy) = walking(None, |_| ());
-        let policy = two_part(&policy, latent, activation);
+        let mut policy = two_part(&policy, latent, of_encoder);
+        policy.actor.shape.activation = of_actor;
+        policy.actor.output = Some(of_output);
+        if latent == Latent::First {
+            let numbers =
+                |scale: f32, count: usize| (0..count).map(|k| 0.8 + scale * (k as f32).sin()).collect();
+            let width = policy.actor.shape.hidden[0];
+            let (weight, bias) = (numbers(0.3, width), numbers(-0.5, width));
+            policy.actor.norms = vec![Some(LayerNorm { weight, bias, epsilon: LayerNorm::EPSILON })];
+        }
         let jobs =
             [0.1, 0.3].map(|amount| Job { candidate: friction(amount), reset_every: Some(5), seed: 2 });
-        compare(&format!("{latent:?}"), &(task, policy), &jobs, &[14, 9], [8, 4]);
-    }
-}
-
-/// All functions of layers, a layer norm, and a function of the output.
-#[test]
-#[ignore = "needs g++"]
-fn cxx_walks_with_any_activation_are_the_cpus() {
-    let all = [
-        Activation::Relu,
-        Activation::Tanh,
-        Activation::EluOf(0.7),
-        Activation::LeakyRelu(0.2),
-        Activation::Selu,
-        Activation::Silu,
-        Activation::Gelu,
-        Activation::GeluTanh,
-    ];
-    for (number, activation) in all.into_iter().enumerate() {
-        let (task, mut policy) = walking(None, |_| ());
-        let shape = Shape { hidden: vec![40, 24], activation, ..policy.actor.shape.clone() };
-        policy.actor = Network::random(shape, number as u64, 0, 1.0).unwrap();
-        if number % 2 == 1 {
-            let numbers = |scale: f32| (0..40).map(|k| 0.8 + scale * (k as f32).sin()).collect();
-            let norm = LayerNorm { weight: numbers(0.3), bias: numbers(-0.5), epsilon: LayerNorm::EPSILON };
-            policy.actor.norms = vec![Some(norm)];
-            policy.actor.output = Some(activation);
-        }
-        let job = Job { candidate: friction(0.2), reset_every: Some(4), seed: 2 };
-        compare(activation.name(), &(task, policy), &[job], &[9, 7], [4, 4]);
+        compare(&format!("{of_encoder}"), &(task, policy), &jobs, &[14, 9], [8, 4]);
     }
 }
 

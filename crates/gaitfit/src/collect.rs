@@ -108,7 +108,8 @@ pub fn collect_in(
     let writer = LogWriter::new(folder, count)?;
     let recorded = match &played {
         Some(sequences) => {
-            play(&world, &options, sequences, settings.world.seed, threads, settings.device, watch)
+            let device = settings.device.for_trajectories(count);
+            play(&world, &options, sequences, settings.world.seed, threads, device, watch)
                 .and_then(|logs| writer.put_all(&logs))
         }
         None => {

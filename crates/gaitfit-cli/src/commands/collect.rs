@@ -45,9 +45,15 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         log_shift: [low, args.log_shift.last().copied().unwrap_or(low)],
         privileged: args.privileged,
         commands: args.commands.clone(),
-        device: args.device.for_trajectories(args.trajectories.get()),
+        // The number of a file's sequences is known later.
+        device: match args.commands {
+            Some(_) => args.device,
+            None => args.device.for_trajectories(args.trajectories.get()),
+        },
     };
-    output::note(&settings.device.line());
+    let line =
+        if args.commands.is_some() { settings.device.line_by_robots() } else { settings.device.line() };
+    output::note(&line);
     interrupt::listen()?;
     let collection = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
     let document = Document {

@@ -43,7 +43,7 @@ pub enum FitError {
         available: usize,
     },
     /// Something that only the CPU does.
-    #[error("a fit with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
+    #[error("a GPU does not simulate {0} yet; use the CPU (--device cpu)")]
     Unsupported(String),
     /// Numbers of another problem.
     #[error("{what} has {found} numbers, the recordings need {expected}")]

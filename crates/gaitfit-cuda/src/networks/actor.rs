@@ -10,18 +10,15 @@ use crate::words::Words;
 /// Max bytes of shared memory that the kernel's text declares.
 const DECLARED: usize = 1024;
 
-/// Why a GPU cannot run a policy, or could not.
+/// Why a GPU cannot run a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum ActorError {
-    /// The GPU or its driver.
-    #[error(transparent)]
-    Cuda(#[from] CudaError),
     /// A policy that only the CPU runs.
     #[error("{0}")]
     Unsupported(&'static str),
     /// Layers that do not fit into a multiprocessor's memory.
     #[error(
-        "a policy whose layers need {needed} bytes of a multiprocessor's memory, where this GPU has {available}"
+        "a policy whose layers need {needed} bytes of a multiprocessor's memory (this GPU has {available})"
     )]
     TooWide {
         /// Bytes needed.

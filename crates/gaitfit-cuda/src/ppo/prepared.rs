@@ -130,7 +130,7 @@ pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
     for network in [learner.actor(), learner.critic()] {
         let activation = network.shape.activation;
         // Kernels keep the layers' outputs alone.
-        if !activation.slope_follows_from_output() {
+        if !activation.slope_follows_from_output() && !network.shape.hidden.is_empty() {
             return Err(PpoError::Unsupported(format!("the activation {activation}")));
         }
         if let Some(output) = network.output {

@@ -1,4 +1,4 @@
-//! Uneven ground as the kernels' tables.
+//! Ground that is not one level plane at height 0, as the kernels' tables.
 
 use gaitfit_learn::task::Task;
 use gaitfit_policy::walker::Walker;

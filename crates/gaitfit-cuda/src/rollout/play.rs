@@ -1,9 +1,9 @@
 //! A policy at work in many environments on a GPU: its mean actions, no learning.
 
-use gaitfit_learn::Training;
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::ppo::Settings;
+use gaitfit_learn::ppo::{self, Settings, Widths};
 use gaitfit_learn::task::{Environment, Snapshot};
+use gaitfit_learn::{Training, TrainingError, widths};
 use gaitfit_sim::Candidate;
 
 use super::run::{Planned, Rollout};
@@ -11,7 +11,7 @@ use super::scene::{Mode, Sizes};
 use super::{RolloutError, check};
 use crate::networks::{Actor, ActorPlan};
 use crate::ppo::{Batch, Learner, Limits, PpoError, Precision, Share};
-use crate::runtime::{Device, Graph};
+use crate::runtime::{CudaError, Device, Graph};
 
 /// Environments at once: the kernels of few are hardly faster, and many take memory.
 const ENVIRONMENTS: (usize, usize) = (64, 16_384);
@@ -76,14 +76,19 @@ impl<'a> Play<'a> {
     ) -> Result<Self, RolloutError> {
         let Subject { task, policy, candidate, seed, .. } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
-        let (seen, given) = (task.walker.observation.width(), policy.interface.observation_width());
-        if seen != given {
-            return Err(refused(&format!("a policy that observes {given} numbers in a task of {seen}")));
+        let own = [task.walker.observation.width(), task.walker.joints.len()];
+        let given = [policy.interface.observation_width(), policy.interface.joints.len()];
+        if own != given {
+            return Err(refused(&format!(
+                "a policy of {given:?} observations and actions in a task of {own:?}"
+            )));
         }
-        // Rollouts keep their samples in a learner's arrays. Its networks act nowhere.
+        // Rollouts keep their samples in a learner's arrays. Its networks act nowhere, and the critic sees at least one number.
         let settings =
             Settings { actor_hidden: vec![32], critic_hidden: vec![32], memory: None, ..Settings::default() };
-        let host = Training::fresh_learner(task, &settings, seed)?;
+        let widths = widths(task);
+        let widths = Widths { critic_observation: widths.critic_observation.max(1), ..widths };
+        let host = ppo::Learner::new(settings, widths, seed).map_err(TrainingError::from)?;
         let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
         let unsupported = |error: RolloutError| match error {
             RolloutError::Unsupported(what) | RolloutError::Ppo(PpoError::Unsupported(what)) => {
@@ -100,9 +105,9 @@ impl<'a> Play<'a> {
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
         let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
-        let planned = Planned::new(device, task, &candidates, sizes)?;
         let of_actor = ActorPlan::new(policy, environments, steps, Limits::of(device));
         let of_actor = of_actor.map_err(|error| refused(&error))?;
+        let planned = Planned::new(device, task, &candidates, sizes)?;
         let programs = planned.programs().into_iter().chain([of_actor.program.clone()]);
         let _ahead = device.compile_ahead(programs);
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
@@ -110,12 +115,15 @@ impl<'a> Play<'a> {
         let (stream, planned) = (learner.stream(), (planned, sizes));
         let rollout = Rollout::from_plan(device, stream, task, &candidates, planned, (seed, 0))?;
         let actor = Actor::new(device, learner.stream(), of_actor)?;
+        let array = |name: &str| {
+            let reason = || format!("the learner has no array `{name}`");
+            learner
+                .argument(name)
+                .ok_or_else(|| CudaError::Launch { kernel: "decide".into(), reason: reason() })
+        };
+        let (observation, mean) = (array("observation")?, array("mean")?);
         let graph = learner.stream().record(|stream| {
-            rollout.start_with(stream, &learner, &|step| {
-                let [observation, mean] = ["observation", "mean"].map(|name| learner.argument(name));
-                let arrays = observation.zip(mean);
-                arrays.map_or(Ok(()), |(observation, mean)| actor.decide(stream, step, observation, mean))
-            })
+            rollout.start_with(stream, &learner, &|step| actor.decide(stream, step, observation, mean))
         })?;
         Ok(Self {
             graph,

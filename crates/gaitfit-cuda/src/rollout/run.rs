@@ -336,9 +336,12 @@ impl<'a> Rollout<'a> {
             self.launch(stream, learner, &self.plan.finish(step))?;
             self.forget(stream, learner, step)?;
         }
-        self.launch(stream, learner, &self.plan.observe_end())?;
-        self.foresee_tail(stream, learner)?;
-        self.launch(stream, learner, &self.plan.add_values())?;
+        // Policies of other trainers have no critic. Trials need none.
+        if !self.task.walker.interface.critic_observation.is_empty() {
+            self.launch(stream, learner, &self.plan.observe_end())?;
+            self.foresee_tail(stream, learner)?;
+            self.launch(stream, learner, &self.plan.add_values())?;
+        }
         self.launch(stream, learner, &self.plan.total())
     }
 

@@ -238,6 +238,7 @@ fn gpu_follows_scripts_as_the_cpu() {
             (found.action.len(), found.base_rates.len()),
             (wanted.action.len(), wanted.base_rates.len())
         );
+        assert_eq!(found.fell_at, wanted.fell_at);
         for (found, wanted) in rows(found, 12).iter().zip(&rows(wanted, 12)).take(6) {
             let error = found.iter().zip(wanted).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
             assert!(error < 1e-2, "off by {error}");

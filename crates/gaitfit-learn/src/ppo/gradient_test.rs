@@ -271,6 +271,10 @@ fn gradient_of_swish_and_of_a_bounded_output_is_that_of_the_formulas() {
         }
     }
     check_with_output(settings(Activation::Tanh, true), Some(Activation::Selu), 1);
+    // Actor and critic take turns in one tape: where the actor keeps slopes the critic has a wider layer without them.
+    let settings =
+        Settings { actor_hidden: vec![6], critic_hidden: vec![5, 40, 40], ..settings(Activation::Elu, true) };
+    check_with_output(settings, Some(Activation::Tanh), 1);
 }
 
 #[test]

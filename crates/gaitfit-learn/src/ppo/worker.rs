@@ -72,7 +72,7 @@ impl<T: Scalar> Worker<T> {
         tape.forward(&point.actor, rows, observation);
         let (mean, derivative) = tape.output(point.actor.shape, rows);
         loss::policy(&point.constants, targets, mean, derivative, of_log_std, sums);
-        let active = tape.drop_idle(point.actor.shape, rows, observation);
+        let active = tape.drop_idle(&point.actor, rows, observation);
         tape.backward(&point.actor, active, observation, gradient);
     }
 
@@ -82,7 +82,7 @@ impl<T: Scalar> Worker<T> {
         tape.forward(&point.critic, rows, critic_observation);
         let (value, derivative) = tape.output(point.critic.shape, rows);
         loss::value(&point.constants, targets, value, derivative, sums);
-        let active = tape.drop_idle(point.critic.shape, rows, critic_observation);
+        let active = tape.drop_idle(&point.critic, rows, critic_observation);
         tape.backward(&point.critic, active, critic_observation, gradient);
     }
 }

@@ -225,9 +225,10 @@ kernels! {
             }
             Activation::Silu => {
                 for (y, slope) in each {
-                    let (x, share) = (*y, T::ONE / (T::ONE + (-*y).exponential::<FUSED>()));
+                    let (x, below) = (*y, T::ONE + (-*y).exponential::<FUSED>());
+                    let share = T::ONE / below;
                     *slope = share * (T::ONE + x * (T::ONE - share));
-                    *y = x / (T::ONE + (-x).exponential::<FUSED>());
+                    *y = x / below;
                 }
             }
             Activation::Gelu => {
@@ -256,7 +257,7 @@ kernels! {
     }
 
     /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
-    /// ELU′ = h + α below 0 and tanh′ = 1 − h². Where f′ does not follow from h, h is f′ itself.
+    /// ELU′ = h + α below 0 and tanh′ = 1 − h². Where f′ does not follow from h, `h` holds f′.
     pub fn multiply_by_derivative<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
         match activation {
             Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),

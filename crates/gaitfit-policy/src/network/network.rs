@@ -18,7 +18,7 @@ pub struct Network {
     /// Layer norms of the sums of each hidden layer before its activation; layers beyond the list have none.
     /// For inference: trainings refuse it.
     pub norms: Vec<Option<LayerNorm>>,
-    /// Function of the output; none is linear.
+    /// Function of the output. Without one, the output is linear.
     pub output: Option<Activation>,
 }
 

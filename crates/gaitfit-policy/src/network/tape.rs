@@ -79,7 +79,8 @@ impl<T: Scalar> Tape<T> {
     /// Drops the rows whose derivative of [`Self::output`] is 0 throughout, of which PPO's clips make some: they add
     /// nothing to a gradient. The others close up in their order, in `input` too, so that sums over many rows keep their
     /// bits. Returns how many rows are left for [`Self::backward`].
-    pub fn drop_idle(&mut self, shape: &Shape, rows: usize, input: &mut [T]) -> usize {
+    pub fn drop_idle(&mut self, weights: &Weights<'_, T>, rows: usize, input: &mut [T]) -> usize {
+        let shape = weights.shape;
         let width = shape.outputs;
         let mut left = 0;
         for row in 0..rows {
@@ -95,10 +96,11 @@ impl<T: Scalar> Tape<T> {
                 for (&width, output) in shape.hidden.iter().zip(&mut self.outputs) {
                     close_up(output, width);
                 }
-                let widths = shape.hidden.iter().chain([&shape.outputs]);
-                for (&width, slopes) in widths.zip(&mut self.slopes).filter(|(_, slopes)| !slopes.is_empty())
-                {
-                    close_up(slopes, width);
+                // Slopes of other layers may be left from another network.
+                for (index, &width) in shape.hidden.iter().chain([&shape.outputs]).enumerate() {
+                    if kept_slope(weights, index).is_some() {
+                        close_up(&mut self.slopes[index], width);
+                    }
                 }
             }
             left += 1;
@@ -194,11 +196,12 @@ mod tests {
         let mut tape = Tape::<f64>::new(&[&shape], 6);
         let mut input: Vec<f64> = (0..12).map(f64::from).collect();
         let parameters: Vec<f64> = (0..shape.parameters()).map(|i| 0.1 * i as f64 - 0.7).collect();
-        tape.forward(&Weights::new(&shape, &parameters), 6, &input);
+        let weights = Weights::new(&shape, &parameters);
+        tape.forward(&weights, 6, &input);
         let hidden = tape.outputs[0].clone();
         let derivative = [0.0, 0.0, 0.0, 1.0, f64::NAN, 0.0, 0.0, -0.0, 2.0, 3.0, 0.0, 0.0];
         tape.output(&shape, 6).1.copy_from_slice(&derivative);
-        assert_eq!(tape.drop_idle(&shape, 6, &mut input), 3);
+        assert_eq!(tape.drop_idle(&weights, 6, &mut input), 3);
         assert_eq!(input[..6], [2.0, 3.0, 4.0, 5.0, 8.0, 9.0]);
         let kept = [&hidden[3..9], &hidden[12..15]].concat();
         assert_eq!(tape.outputs[0][..9], kept);

@@ -13,7 +13,7 @@ pub struct Weights<'a, T> {
     /// Wᵀ where W is in `parameters`, of all layers but the first, through which nothing goes back
     /// unless the network stands behind another.
     pub(super) transposed: AVec<T>,
-    /// Function of the output; none is linear.
+    /// Function of the output. Without one, the output is linear.
     pub(super) output: Option<Activation>,
 }
 

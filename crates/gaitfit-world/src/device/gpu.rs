@@ -109,7 +109,7 @@ pub fn collect(
 /// Walks under the commands of `scripts`, as [`gaitfit_policy::follow::follow`] makes them.
 ///
 /// # Errors
-/// A policy that the GPU cannot run, or its failure.
+/// A policy that the GPU cannot run. A failure of the GPU.
 pub fn follow(
     gpu: &Gpu,
     (walker, policy): (&Walker, &Policy),

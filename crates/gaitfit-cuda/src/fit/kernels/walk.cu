@@ -31,7 +31,8 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 // `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
 // candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
 // `imus`: for each candidate, errors of its inertial unit. `ends`: for each environment, the sample of its fall or the end.
-// `recurrent`: what the policy remembers of each environment. For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
+// `recurrent`: what the policy remembers of each environment.
+// For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
 // that the robot walks under the first command before the recording begins.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,

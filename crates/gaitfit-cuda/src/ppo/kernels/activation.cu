@@ -46,12 +46,12 @@ template <int F> DEVICE float activate(float x) {
     return tanhf(x);
 }
 
-// Derivative by the result of function F; 1 if F is NO_FUNCTION.
-#define NO_FUNCTION -1
+// In the place of F: no function, whose derivative is 1.
+#define NO_FUNCTION (-1)
+// Derivative of function F by its result.
 template <int F> DEVICE float slope(float h) {
     constexpr int KIND = F == 0 ? FUNCTION_0 : FUNCTION_1;
     constexpr float ALPHA = F == 0 ? ALPHA_0 : ALPHA_1, LAMBDA = F == 0 ? LAMBDA_0 : LAMBDA_1;
-    if (F == NO_FUNCTION) return 1.0f;
     if (KIND == EXPONENTIAL) return h > 0.0f ? LAMBDA : h + LAMBDA * ALPHA;
     if (KIND == RECTIFIED) return h > 0.0f ? 1.0f : 0.0f;
     if (KIND == LEAKY) return h > 0.0f ? 1.0f : ALPHA;

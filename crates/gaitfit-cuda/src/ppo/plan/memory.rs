@@ -42,7 +42,7 @@ pub(super) struct Memory {
     squares: Value,
 }
 
-/// One network's memory.
+/// One network's memory, without layers if it has none.
 #[derive(Clone, Debug, PartialEq)]
 struct Net {
     shape: RecurrentShape,
@@ -274,7 +274,7 @@ impl Memory {
     }
 
     /// The critic's memory over the states that its caller observed, from row `part · environments` on, and two places of
-    /// arguments: the observations, of the first launch, and what is remembered before them, of all that remember.
+    /// arguments: the observations, of the first launch, and what is remembered before them, of all launches of a memory.
     pub(super) fn tail(&self, part: usize) -> (Vec<Launch>, usize, Option<usize>) {
         let net = &self.nets[1];
         let first = part * self.environments;
