@@ -112,18 +112,23 @@ pub fn lowest_point(geom: &Geom, frame: &Frame) -> f64 {
     frame.point(geom.pos)[2] - Reach::new(geom).drop(frame.quaternion)
 }
 
-/// Height of the base's origin above the ground at which the lowest geom touches, m, for the base at orientation
+/// Height of the base's origin in the world at which the lowest geom touches the ground, m, for the base at orientation
 /// `quaternion` and joint angles `q`.
 pub fn standing_height(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
+    let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
+    ground + height_above_ground(model, quaternion, q)
+}
+
+/// As [`standing_height`], above the ground instead of in the world.
+pub fn height_above_ground(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion }, q);
     let mut lowest = f64::INFINITY;
     for pair in &model.pairs {
         let geom = &model.geoms[pair.geom];
         lowest = lowest.min(lowest_point(geom, &frames[geom.body]));
     }
-    let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
     // Without a pair nothing can touch, and the base's origin is put on the ground.
-    if lowest.is_finite() { ground - lowest } else { ground }
+    if lowest.is_finite() { -lowest } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -4,11 +4,11 @@ use crate::Entry;
 use serde::{Deserialize, Serialize};
 
 /// A parameter whose interval is this part of its bounds or more is not identified.
-pub const MAX_SHARE: f64 = 0.5;
+pub const MAX_IDENTIFIED_SHARE: f64 = 0.5;
 
 /// Whether an interval says something of an entry.
 pub(super) fn narrow(entry: &Entry, lower: f64, upper: f64) -> bool {
-    upper - lower < MAX_SHARE * (entry.upper - entry.lower)
+    upper - lower < MAX_IDENTIFIED_SHARE * (entry.upper - entry.lower)
 }
 
 /// Source of the noise of a cost.

@@ -36,7 +36,7 @@ pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one, simulate
 pub use falls::{FallPenalty, max_falls_by_chance};
 pub use finalists::FinalComparison;
 pub use generation::{Generation, RunGeneration};
-pub use identification::{Identification, MAX_SHARE as MAX_IDENTIFIED_SHARE, NoiseSource};
+pub use identification::{Identification, MAX_IDENTIFIED_SHARE, NoiseSource};
 pub use identify::{MAX_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,

@@ -5,7 +5,7 @@
 //! it at once. Fixed hidden layers with a searched last one are random features (Rahimi and Recht 2008) that are not
 //! random.
 
-use super::network_kind::{LAYERS, OUTPUT_WEIGHTS};
+use super::network_kind::{NETWORK_LAYERS, OUTPUT_WEIGHTS};
 use gaitfit_physics::NETWORK_WEIGHTS;
 
 /// The meanings of the last layer's weights, in order: torques (or corrections of the target), which resist if the weight is
@@ -33,7 +33,7 @@ const VELOCITY_BEFORE: usize = 3;
 /// the change of velocity since the sample before and Δq the angle less its rest angle.
 pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64) -> [f64; NETWORK_WEIGHTS] {
     let mut weights = [0.0; NETWORK_WEIGHTS];
-    let [(inputs, units), (_, seconds), _] = LAYERS;
+    let [(inputs, units), (_, seconds), _] = NETWORK_LAYERS;
     let first = |input: usize, unit: usize| input * units + unit;
     weights[first(VELOCITY, 0)] = FRICTION_SLOPE / velocity;
     weights[first(VELOCITY, 1)] = DAMPING / velocity;
@@ -98,7 +98,7 @@ mod tests {
             .map(|(input, value)| value * if input % 2 == 0 { position } else { velocity })
             .collect();
         let mut at = 0;
-        for (inputs, outputs) in LAYERS {
+        for (inputs, outputs) in NETWORK_LAYERS {
             x = (0..outputs)
                 .map(|unit| {
                     let sum: f64 = (0..inputs).map(|i| x[i] * weights[at + i * outputs + unit]).sum();

@@ -28,7 +28,7 @@ use file_error::short;
 pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
 pub use modification::{Found, LinearSpring, Modification};
-pub use network_kind::{LAYERS as NETWORK_LAYERS, NetworkName};
+pub use network_kind::{NETWORK_LAYERS, NetworkName};
 pub use networks::{NetworkRule, NetworkStart};
 pub use prior::Prior;
 pub use robot_numbers::{RobotNumber, RobotRule};

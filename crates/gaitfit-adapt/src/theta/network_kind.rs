@@ -4,7 +4,7 @@ use gaitfit_sim::NetworkKind;
 use serde::{Deserialize, Serialize};
 
 /// Layers as (inputs, outputs); weights lie layer by layer, `inputs × outputs` row-major, then biases.
-pub const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
+pub const NETWORK_LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
 /// Weights of the last layer: 4 and a bias.
 pub(super) const OUTPUT_WEIGHTS: usize = 5;
 

@@ -2,7 +2,7 @@
 
 use super::features;
 use super::joint_parameters::every_joint;
-use super::network_kind::{LAYERS, OUTPUT_WEIGHTS};
+use super::network_kind::{NETWORK_LAYERS, OUTPUT_WEIGHTS};
 use super::read_context::ReadContext;
 use super::saved::MAX_VALUE;
 use super::{
@@ -316,7 +316,7 @@ fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
     let mut draws = vec![0.0; NETWORK_WEIGHTS - OUTPUT_WEIGHTS];
     stream.fill_normals(0, &mut draws);
     let mut at = 0;
-    for (inputs, outputs) in &LAYERS[..2] {
+    for (inputs, outputs) in &NETWORK_LAYERS[..2] {
         let (matrix, end) = (at + inputs * outputs, at + (inputs + 1) * outputs);
         draws[at..matrix].iter_mut().for_each(|weight| *weight /= (*inputs as f64).sqrt());
         draws[matrix..end].iter_mut().for_each(|bias| *bias *= BIAS_DEVIATION);

@@ -18,8 +18,6 @@ use crate::runtime::{Buffer, CudaError, Device, Graph, HostBuffer, Kernel, Strea
 
 /// Max number of samples whose steps are one graph; more are started one by one.
 const MAX_RECORDED: usize = 16_384;
-/// Max bytes of shared memory that the text of the policy's kernel declares.
-const DECLARED: usize = 1024;
 /// Share of the free memory that candidates may take.
 const SHARE: f64 = 0.8;
 
@@ -109,7 +107,7 @@ impl Session {
         let scene = Scene::new(subject, &physics.period);
         let plan = Plan::new(&scene, &tables, sizes(blocks));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
-        let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
+        let too_wide = |plan: &Plan| plan.shared() + Blocks::DECLARED > available;
         let smallest = Blocks::SMALLEST;
         let plan = if too_wide(&plan) { Plan::new(&scene, &tables, sizes(smallest)) } else { plan };
         if too_wide(&plan) {

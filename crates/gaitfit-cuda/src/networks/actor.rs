@@ -7,9 +7,6 @@ use crate::ppo::{Array, Id, Kind, Launch, Limits, Storage, Value};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Program, Shape, Stream};
 use crate::words::Words;
 
-/// Max bytes of shared memory that the kernel's text declares.
-const DECLARED: usize = 1024;
-
 /// Why a GPU cannot run a policy.
 #[derive(Debug, thiserror::Error)]
 pub enum ActorError {
@@ -56,7 +53,7 @@ impl ActorPlan {
             return Err(ActorError::Unsupported(what));
         }
         let networks = Networks::new(policy);
-        let available = limits.shared_memory.saturating_sub(DECLARED);
+        let available = limits.shared_memory.saturating_sub(Blocks::DECLARED);
         let wanted = [Blocks::new(environments, limits.processors.max(1)), Blocks::SMALLEST];
         let Some(blocks) = wanted.into_iter().find(|blocks| networks.shared(blocks.rows) <= available) else {
             return Err(ActorError::TooWide { needed: networks.shared(Blocks::SMALLEST.rows), available });

@@ -17,6 +17,8 @@ pub(crate) struct Blocks {
 impl Blocks {
     /// Max number of robots of a block.
     pub const MAX_ROWS: usize = 16;
+    /// Max bytes of shared memory that the kernels' texts declare themselves.
+    pub const DECLARED: usize = 1024;
     /// The smallest block that the kernels take: it needs the least shared memory.
     pub const SMALLEST: Self = Self { rows: 4, group: 4 };
 

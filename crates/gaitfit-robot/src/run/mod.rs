@@ -23,7 +23,7 @@ pub use delay::{Delay, Trace};
 pub use jitter::{Jitter, Lateness};
 pub use live::{Live, Summary, live, real_time};
 pub use record::{Acted, RUN, Recorder, WALK, WHOLE};
-pub use script::{LONGEST as MAX_WALK_SECONDS, Script};
+pub use script::{MAX_WALK_SECONDS, Script};
 pub use sender::Sender;
 pub use suits::suits;
 pub use trials::{COMMAND, DIRECTIONS, Next, SPEEDS, Trial, Trials, trials};

@@ -9,7 +9,7 @@ const MAX_ROWS: usize = 100_000;
 /// Largest script, bytes: 160 a row.
 const MAX_BYTES: u64 = 16 << 20;
 /// Longest walk, s.
-pub const LONGEST: f64 = 3600.0;
+pub const MAX_WALK_SECONDS: f64 = 3600.0;
 /// Largest part of a command, m/s or rad/s.
 const LARGEST: f64 = 5.0;
 
@@ -42,9 +42,9 @@ impl Script {
         }
         for (index, (time, command)) in rows.iter().enumerate() {
             let line = index + 1;
-            if !(0.0..=LONGEST).contains(time) || index > 0 && *time <= rows[index - 1].0 {
+            if !(0.0..=MAX_WALK_SECONDS).contains(time) || index > 0 && *time <= rows[index - 1].0 {
                 return refuse(format!(
-                    "time {line} is {time}; give seconds up to {LONGEST}, each later than the one before"
+                    "time {line} is {time}; give seconds up to {MAX_WALK_SECONDS}, each later than the one before"
                 ));
             }
             if let Some(bad) = command.iter().find(|x| x.is_nan() || f64::from(x.abs()) > LARGEST) {

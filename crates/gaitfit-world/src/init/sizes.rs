@@ -1,7 +1,7 @@
 //! Sizes of a robot, and what of a task goes with them.
 
 use super::anatomy::Anatomy;
-use gaitfit_model::kinematics::{Frame, body_frames, lowest_point, standing_height};
+use gaitfit_model::kinematics::{Frame, body_frames, height_above_ground, lowest_point};
 use gaitfit_model::rotation::{IDENTITY, dot};
 use gaitfit_model::{GRAVITY, Model};
 
@@ -66,9 +66,7 @@ impl Sizes {
         // A file may switch gravity off; commands go with √(g l) and would be zero.
         let gravity = if gravity > 0.1 { gravity } else { GRAVITY };
         let frames = body_frames(model, &Frame::WORLD, angles);
-        // Tasks count heights from the ground, wherever the file has its plane.
-        let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
-        let height = standing_height(model, IDENTITY, angles) - ground;
+        let height = height_above_ground(model, IDENTITY, angles);
         let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
         let count = anatomy.legs.len() as f64;
         let (mut leg, mut foot) = (0.0, 0.0);

@@ -186,7 +186,7 @@ impl Plan {
 
     /// Launches of the critic's memory before [`Plan::foresee_values`] of `environments` rows of states from number
     /// `part · environments` on, and places of arguments: the states, of the first launch, and what is remembered before
-    /// them, of all. The first part begins with what is remembered now.
+    /// them, of all launches; the latter is absent if the critic has no memory. The first part begins with what is remembered now.
     pub fn remember_tail(&self, part: usize) -> Option<(Vec<Launch>, usize, Option<usize>)> {
         self.memory.as_ref().map(|memory| memory.tail(part))
     }
