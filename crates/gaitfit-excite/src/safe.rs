@@ -170,7 +170,7 @@ impl<'a> Trial<'a> {
         &self.theta
     }
 
-    /// Number of robots that are simulated: those of the bounds and the one of the file.
+    /// Number of simulated robots: the robot of the file, and those with parameters at their bounds.
     pub fn robots(&self) -> usize {
         self.robots.len() + 1
     }

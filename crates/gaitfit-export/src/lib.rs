@@ -110,7 +110,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     // Before anything is made of the values.
     checks::parameters(&file, &settings.theta, &model)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
-    // Gains that the caller states win over those of the fit, which are taken in their place with a note.
+    // The caller's gains come first. Without them the gains of the fit are taken, and a note says so.
     let (gains, note) = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
         Some((gains, place)) => {
             (Some(gains), Some(format!("the PD gains are those of {place}; --kp and --kd give others")))

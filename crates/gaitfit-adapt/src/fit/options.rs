@@ -36,7 +36,7 @@ pub struct FitOptions {
     pub tolerance: f64,
     /// The charge for falls.
     pub falls: FallPenalty,
-    /// Which candidates see the same random draws; nothing to a simulator without randomness.
+    /// Candidates that share random draws. A simulator without randomness ignores it.
     pub random_numbers: RandomNumbers,
 }
 
@@ -105,7 +105,7 @@ impl Method {
     }
 }
 
-/// Which candidates see the same random draws (torque noise, observation noise). Draws differ from seed to seed.
+/// Candidates that share random draws (torque noise, observation noise). Each seed has draws of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RandomNumbers {

@@ -12,11 +12,11 @@ pub(crate) struct Networks {
     pub numbers: Vec<f32>,
     /// Number of the first normaliser's factor, if there is a normaliser.
     normaliser: Option<usize>,
-    /// Rows of the table of dense layers: those of an encoder, then those of the actor.
+    /// Table of dense layers: first the encoder's rows, then the actor's.
     layers: Vec<String>,
     /// Number of the first layer of the actor.
     actor: usize,
-    /// Rows of the table of recurrent layers.
+    /// Table of recurrent layers.
     recurrent: Vec<String>,
     /// Largest width of a layer's input or output, a multiple of 4.
     pub widest: usize,
@@ -167,7 +167,7 @@ impl Networks {
             // LSTM units have four gates, GRU units three.
             ("GATES", gates),
             ("CELLS", self.recurrent.len()),
-            ("REMEMBERS", self.remembered),
+            ("POLICY_MEMORY", self.remembered),
         ] {
             words.define(name, value);
         }

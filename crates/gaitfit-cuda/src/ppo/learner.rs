@@ -58,7 +58,7 @@ impl Learner {
             let (name, found) = (info.name.clone(), info.capability);
             return Err(PpoError::TooOld { name, found, min: CAPABILITY });
         }
-        let limits = Limits::of(device);
+        let limits = Limits::from_device(device);
         let Prepared { program, plan, maps, turn, sizes } = Prepared::new(learner, batch, precision, limits)?;
         let parts: Vec<(&str, u64)> = plan.arrays.iter().map(|array| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;

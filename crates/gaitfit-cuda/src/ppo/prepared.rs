@@ -19,8 +19,8 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Those of a GPU.
-    pub fn of(device: &Device) -> Self {
+    /// The limits of this GPU.
+    pub fn from_device(device: &Device) -> Self {
         let number = |number: i32| usize::try_from(number).unwrap_or(0);
         let info = device.info();
         Self { processors: number(info.processors), shared_memory: number(info.shared_memory) }

@@ -76,11 +76,12 @@ impl<'a> Play<'a> {
     ) -> Result<Self, RolloutError> {
         let Subject { task, policy, candidate, seed, .. } = *subject;
         let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
-        let own = [task.walker.observation.width(), task.walker.joints.len()];
-        let given = [policy.interface.observation_width(), policy.interface.joints.len()];
-        if own != given {
+        let wanted = (task.walker.observation.width(), task.walker.joints.len());
+        let found = (policy.interface.observation_width(), policy.interface.joints.len());
+        if wanted != found {
             return Err(refused(&format!(
-                "a policy of {given:?} observations and actions in a task of {own:?}"
+                "a policy with {} observations and {} actions, where the task has {} and {},",
+                found.0, found.1, wanted.0, wanted.1
             )));
         }
         // Rollouts keep their samples in a learner's arrays. Its networks act nowhere, and the critic sees at least one number.
@@ -105,16 +106,16 @@ impl<'a> Play<'a> {
         let batch = Batch { steps, environments, tile: Training::TILE, share: Share::WHOLE };
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
         let sizes = Sizes { steps, environments, networks, gamma: 1.0, remembered: 0, mode };
-        let of_actor = ActorPlan::new(policy, environments, steps, Limits::of(device));
-        let of_actor = of_actor.map_err(|error| refused(&error))?;
+        let actor_plan = ActorPlan::new(policy, environments, steps, Limits::from_device(device));
+        let actor_plan = actor_plan.map_err(|error| refused(&error))?;
         let planned = Planned::new(device, task, &candidates, sizes)?;
-        let programs = planned.programs().into_iter().chain([of_actor.program.clone()]);
+        let programs = planned.programs().into_iter().chain([actor_plan.program.clone()]);
         let _ahead = device.compile_ahead(programs);
         let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
         learner.quiet()?;
         let (stream, planned) = (learner.stream(), (planned, sizes));
         let rollout = Rollout::from_plan(device, stream, task, &candidates, planned, (seed, 0))?;
-        let actor = Actor::new(device, learner.stream(), of_actor)?;
+        let actor = Actor::new(device, learner.stream(), actor_plan)?;
         let array = |name: &str| {
             let reason = || format!("the learner has no array `{name}`");
             learner

@@ -94,7 +94,7 @@ impl Series {
             velocity.len().min(walk.velocity.len() / joints.max(1)).min(walk.fell_at.unwrap_or(usize::MAX));
         let mut series = Self { errors: Vec::new(), motions: Vec::new() };
         // The change of a target needs two samples before.
-        // Motions are those of the sample before: the error must not be explained by itself.
+        // The motion is taken from the sample before, so that the error does not explain itself.
         for at in skip.max(2)..end {
             let (last, before) = (at - 1, at - 2);
             let part = |part: usize| command.get(3 * last + part).copied().unwrap_or(0.0);
@@ -158,7 +158,7 @@ impl Joint {
                 (length > 1e-9 * (count as f64).sqrt()).then(|| column / length)
             })
             .collect();
-        // Of length 1 like the columns, so that a scalar product is a correlation.
+        // Scaled to length 1, as the columns are: scalar products are then correlations.
         let wanted = DVector::from_vec(errors).add_scalar(-mean) / variance.sqrt();
         let correlations =
             std::array::from_fn(|motion| columns[motion].as_ref().map_or(0.0, |column| column.dot(&wanted)));

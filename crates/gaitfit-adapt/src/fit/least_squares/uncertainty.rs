@@ -91,7 +91,7 @@ pub fn uncertainty(
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
     }
-    // Intervals are then those of the corrected values, around them.
+    // From here on the intervals belong to the corrected values.
     if let Some(correction) = correction {
         shifts.push(Shift { what: "a part of the correction".to_owned(), by: correction.doubt() });
         estimate.values = &correction.corrected;

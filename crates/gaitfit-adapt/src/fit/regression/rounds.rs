@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// Max mean ratio of a round's standard deviations to those of the round before. If the ratio is larger, the round gained little,
-/// and no further round follows.
+/// A round gains little if its standard deviations are, on the mean, more than this many times those of the round before. No further
+/// round follows it.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;

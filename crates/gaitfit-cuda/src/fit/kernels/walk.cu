@@ -65,7 +65,7 @@ KERNEL walk(
             place_number(state, imu[i / STATE_COUNT], logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
         for (int r = 0; r < rows; r++) begin_sensors(memory, from + r, thread, threads);
         for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
-        for (int i = thread; i < rows * REMEMBERS; i += threads) recurrent[(u64)from * REMEMBERS + i] = 0.0f;
+        for (int i = thread; i < rows * POLICY_MEMORY; i += threads) recurrent[(u64)from * POLICY_MEMORY + i] = 0.0f;
         if (thread < rows && from + thread < count) ends[from + thread] = length[thread] - before[thread];
         __syncthreads();
     }
@@ -133,7 +133,7 @@ KERNEL walk(
         first[i] = r < rows && k < OBSERVATION ? normalised(network, k, second[r * OBSERVATION + k]) : 0.0f;
     }
     __syncthreads();
-    const float* chosen = choose(network, recurrent + (u64)from * REMEMBERS, rows, first, second, kept);
+    const float* chosen = choose(network, recurrent + (u64)from * POLICY_MEMORY, rows, first, second, kept);
     for (int i = thread; i < ROWS * ACTIONS; i += threads) {
         int r = i % ROWS, k = i / ROWS;
         if (r >= rows) continue;

@@ -14,7 +14,7 @@ KERNEL decide(u32 from, u32 environments, const float* network, const float* obs
         first[k * ROWS + r] = r < rows && k < OBSERVATION ? normalised(network, k, seen[r * OBSERVATION + k]) : 0.0f;
     }
     __syncthreads();
-    const float* chosen = choose(network, recurrent + (u64)robot * REMEMBERS, rows, first, second, kept);
+    const float* chosen = choose(network, recurrent + (u64)robot * POLICY_MEMORY, rows, first, second, kept);
     for (int i = threadIdx.x; i < ACTIONS * rows; i += blockDim.x) {
         int k = i % ACTIONS, r = i / ACTIONS;
         mean[(u64)(from + robot + r) * ACTIONS + k] = chosen[k * ROWS + r];

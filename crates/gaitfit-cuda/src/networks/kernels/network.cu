@@ -170,7 +170,7 @@ DEVICE float* remember(const float* network, float* remembered, int rows, float*
         Cell cell = CELL[l];
         for (int i = threadIdx.x; i < (cell.units + 3) / 4 * 4 * ROWS; i += blockDim.x) {
             int k = i / ROWS, r = i % ROWS;
-            before[i] = r < rows && k < cell.units ? remembered[(u64)r * REMEMBERS + cell.place + k] : 0.0f;
+            before[i] = r < rows && k < cell.units ? remembered[(u64)r * POLICY_MEMORY + cell.place + k] : 0.0f;
         }
         __syncthreads();
         const float4 *of_input = (const float4*)(network + cell.of_input), *of_output = (const float4*)(network + cell.of_output);
@@ -179,7 +179,7 @@ DEVICE float* remember(const float* network, float* remembered, int rows, float*
             int u = i % cell.units, r = i / cell.units, outputs = GATES * cell.units;
             float out = 0.0f, x[4], h[4];
             if (r < rows) {
-                float* own = remembered + (u64)r * REMEMBERS + cell.place + u;
+                float* own = remembered + (u64)r * POLICY_MEMORY + cell.place + u;
 #pragma unroll
                 for (int gate = 0; gate < GATES; gate++) {
                     int j = gate * cell.units + u;
