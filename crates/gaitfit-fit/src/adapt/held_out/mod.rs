@@ -26,6 +26,12 @@ const FAR: f64 = 1.5;
 const LEFT: f64 = 0.5;
 /// Largest share of logs in which a fitted robot may fall by chance.
 const CHANCE: f64 = 0.02;
+
+/// The number of simulations in results of earlier builds.
+fn once() -> usize {
+    1
+}
+
 /// Distances of simulated walks from held-out logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
@@ -33,8 +39,15 @@ pub struct HeldOut {
     pub logs: usize,
     /// Total time of them that counts, s.
     pub seconds: f64,
-    /// `wass` of the fitted robot; absent if it diverged. The robot's range is 2 in each of the three signals.
+    /// Number of times that the walks were simulated, each with other random draws (see `falls`).
+    #[serde(default = "once")]
+    pub simulations: usize,
+    /// `wass` of the fitted robot, all simulations of the walks pooled; absent if it diverged. The robot's range is 2 in each of
+    /// the three signals.
     pub cost: Option<f64>,
+    /// `wass` of each simulation alone. They scatter, and are higher: a single walk's chance counts as a difference.
+    #[serde(default)]
+    pub single_costs: Vec<f64>,
     /// The same of the robot before the fit.
     pub nominal_cost: Option<f64>,
     /// Distance of the robot from itself; absent if the logs are too short.
@@ -42,7 +55,7 @@ pub struct HeldOut {
     /// Distance of the robot from itself in other trials of the same commands; absent without such logs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trials: Option<Trials>,
-    /// Logs in which the fitted robot falls. If the robot itself falls, walks are simulated several times: then the mean of these.
+    /// Number of falls of the fitted robot in all simulations of the walks, `simulations` × `logs`.
     pub falls: usize,
     /// The same before the fit.
     pub nominal_falls: usize,
@@ -111,7 +124,8 @@ impl HeldOut {
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
-        if self.falls > self.nominal_falls && self.falls > self.max_falls() {
+        let [falls, nominal_falls] = [self.falls, self.nominal_falls].map(|falls| self.each_time(falls));
+        if falls > nominal_falls && falls > self.max_falls() {
             return Verdict::Falls;
         }
         if self.trials.as_ref().is_some_and(Trials::explained) {
@@ -131,8 +145,22 @@ impl HeldOut {
         }
     }
 
-    /// Max number of falls without a doubt: 2 % of the logs, or the number that chance explains if the fitted robot falls as often
-    /// as the real one.
+    /// Number of logs in which a robot falls each time they are simulated, rounded, if it falls so often in all simulations: the
+    /// logs show each walk once, so falls are judged for one time.
+    fn each_time(&self, falls: usize) -> usize {
+        (falls as f64 / self.simulations.max(1) as f64).round() as usize
+    }
+
+    /// Falls in words: of how many simulated walks, or of how many logs if each was simulated once.
+    fn falls_words(&self, falls: usize, logs: &str) -> String {
+        match self.simulations {
+            0 | 1 => format!("{falls} of {logs}"),
+            times => format!("{falls} of {} simulated walks of {logs}", times * self.logs),
+        }
+    }
+
+    /// Max number of logs with a fall that are no doubt: 2 % of them, or the number that chance explains if the fitted robot falls
+    /// as often as the real one.
     fn max_falls(&self) -> usize {
         let expected = self.robot_fall_rate * self.logs as f64;
         max_falls_by_chance(expected, self.robot_falls).max((CHANCE * self.logs as f64) as usize)
@@ -171,8 +199,8 @@ impl HeldOut {
         }
         if verdict == Verdict::Falls {
             return format!(
-                "the fitted robot falls in {} of {logs}, {}{}",
-                self.falls,
+                "the fitted robot falls in {}, {}{}",
+                self.falls_words(self.falls, &logs),
                 match self.robot_fall_rate {
                     rate if rate > 0.0 => format!("the robot in {:.0} %", 100.0 * rate),
                     _ => "in which the robot walks".to_owned(),
@@ -183,8 +211,12 @@ impl HeldOut {
                 }
             );
         }
+        let falls = match self.falls {
+            0 => String::new(),
+            falls => format!("; the fitted robot falls in {}", self.falls_words(falls, "these logs")),
+        };
         if let Some(trials) = self.trials.as_ref().filter(|trials| trials.explained()) {
-            return format!("the fit explains {logs} {} (wass; {nominal})", trials.words());
+            return format!("the fit explains {logs} {} (wass; {nominal}){falls}", trials.words());
         }
         let Some(floor) = &self.floor else {
             return format!(
@@ -204,7 +236,7 @@ impl HeldOut {
         };
         format!(
             "the fit explains {logs} {how}: {} against {:.4} ± {:.4} (wass of half of the seconds; of all of them {}, before the \
-             fit {})",
+             fit {}){falls}",
             number(floor.cost),
             floor.mean,
             floor.range95,
@@ -222,7 +254,9 @@ mod tests {
         HeldOut {
             logs: 16,
             seconds: 48.0,
+            simulations: 1,
             cost: Some(cost),
+            single_costs: vec![cost],
             nominal_cost: Some(nominal),
             floor: floor.map(|(mean, range95)| Floor { mean, range95, cost: Some(cost) }),
             trials: None,
@@ -271,6 +305,18 @@ mod tests {
         let falling =
             |falls| HeldOut { falls, robot_fall_rate: 0.25, robot_falls: 4, ..example(0.0121, 0.2, floor) };
         assert_eq!((falling(10).verdict(), falling(11).verdict()), (Verdict::Explained, Verdict::Falls));
+        // Eight simulations of 16 logs: half a fall each time rounds to one log, less does not.
+        let of_eight = |falls| HeldOut { simulations: 8, falls, ..example(0.0121, 0.2, floor) };
+        let (verdict, text, _) = said(of_eight(3));
+        assert!(
+            verdict == Verdict::Explained && text.ends_with("falls in 3 of 128 simulated walks of these logs"),
+            "{text}"
+        );
+        let (verdict, text, _) = said(of_eight(4));
+        assert!(
+            verdict == Verdict::Falls && text.contains("falls in 4 of 128 simulated walks of 16 held-out logs"),
+            "{text}"
+        );
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
         let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..example(0.1, 0.2, floor) });
         assert!(
