@@ -163,6 +163,7 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
 /// seeds end at different values, the logs allow more than this interval contains.
 fn widen_to_seeds(parameters: &mut [Parameter]) {
     for parameter in parameters {
+        // Only the best seed is corrected. The same correction is assumed for the values of the others.
         let moved = parameter.found.value - parameter.found.uncorrected.unwrap_or(parameter.found.value);
         for value in parameter.found.per_run.clone() {
             parameter.reach(value + moved);
@@ -189,6 +190,7 @@ pub(super) fn beside(
     other: &CostOutcome,
 ) -> Result<Vec<Agreement>, Error> {
     let cost_of = |name: &str| {
+        // Both outcomes are of costs of this setup, so the name is always there.
         let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
         move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
             let jobs: Vec<Job> =

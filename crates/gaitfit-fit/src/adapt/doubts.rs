@@ -220,6 +220,8 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let estimate = &parameter.found;
             let min = (MOVED.0 * estimate.value.abs()).max(MOVED.1 * (estimate.upper - estimate.lower));
+            // A value that the logs do not identify moves with every change of the simulator. This says
+            // nothing of the simulator.
             let flat = parameter.identified == Some(false);
             (by.abs() > min && !flat).then(|| {
                 format!(

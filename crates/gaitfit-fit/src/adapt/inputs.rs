@@ -90,6 +90,7 @@ pub fn method(
     base: &Candidate,
     threads: Option<usize>,
 ) -> Result<Method, Error> {
+    // 0 in the settings means as many threads as the machine has.
     let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
     let threads = threads.unwrap_or_else(machine::threads);
     Ok(match policy {

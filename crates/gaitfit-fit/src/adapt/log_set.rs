@@ -46,6 +46,8 @@ impl LogSet {
         if starts < 2 {
             return Ok(None);
         }
+        // All logs come once before any comes again: the simulator starts the first `logs.len()` where their
+        // robots did.
         let copies = vec![logs; starts].concat();
         let simulator = method.searched(config, base.clone(), logs)?;
         Self::simulated_by(simulator, config, method, copies).map(Some)

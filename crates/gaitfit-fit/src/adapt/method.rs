@@ -127,6 +127,7 @@ impl Method {
     /// Samples of `logs` that make up `seconds`.
     pub fn samples(&self, seconds: f64, logs: &[Log]) -> usize {
         let period = match self {
+            // The slowest log counts, so that the same number of samples is never longer than `seconds`.
             Self::Replay(_) => logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max),
             Self::Walk(walking) => walking.task.walker.interface.control_dt,
         };

@@ -67,6 +67,7 @@ impl<'a> Opening<'a> {
         };
         let Some(note) = self.devices.instead(&error) else { return Err(error) };
         let mut setup = read(&Device::Cpu.into())?;
+        // First, because it explains why the CPU simulates although there is a GPU.
         setup.warnings.insert(0, note);
         Ok(setup)
     }

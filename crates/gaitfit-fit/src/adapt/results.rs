@@ -167,6 +167,7 @@ pub(super) fn results(
 ) -> Result<AdaptResults, Error> {
     let Searched { outcomes, course, odd_joints, seconds: wall_seconds } = searched;
     let begun = Instant::now();
+    // First the values: corrected, with intervals and with the doubts of each cost by itself.
     let (mut fits, uncorrected) = cost_fits(setup, outcomes, course, folder, watch)?;
     // Doubts of one cost about another come only when all are known.
     standing::reconcile(&mut fits);
@@ -187,6 +188,7 @@ pub(super) fn results(
         let stopped = "interrupted while the result was checked; --resume continues";
         if watch.stop() { Err(Error::interrupted(stopped, folder.path())) } else { Ok(()) }
     };
+    // Then how the fitted robot predicts, beside simpler predictors and logs that were not fitted.
     let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
         robot.simulate(set.simulator.as_ref(), given)
     })?;
@@ -302,6 +304,7 @@ fn cost_fits(
     }
     // A joint that is much worse than the others shows only where samples are compared one by one.
     if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
+        // The kept θ is the first cost's, so only its doubts get this one.
         let (values, given) = (fit.values(), setup.config.costs[0].given());
         let robot = Robot { theta: &setup.theta, values: &values };
         fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {

@@ -56,6 +56,7 @@ pub fn correct(
         parts: "robots",
         seed: None,
     });
+    // Counted in samples of the simulated logs, which are at the policy's rate.
     let settling = (SETTLING_S / replicas.recorder().period()).round() as usize;
     let distributions = Distributions::new(&setup.fit.reference, settling);
     let seed = setup.config.optimizer.seed;

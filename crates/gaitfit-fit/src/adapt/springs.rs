@@ -48,6 +48,8 @@ impl FoundSpring {
             Some([value - half, value + half])
         };
         let stiffness_interval = around(spring.stiffness, draws.clone().map(|one| one.stiffness).collect());
+        // The angle of rest is a torque divided by the stiffness. Where the stiffness may be 0, the angle may
+        // be anything.
         let sure = match stiffness_interval {
             Some([low, high]) => low > 0.0 || high < 0.0,
             None => spring.stiffness != 0.0,

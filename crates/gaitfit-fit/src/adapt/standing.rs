@@ -87,6 +87,7 @@ pub fn refusal(doubts: &[Doubt]) -> Option<String> {
     let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
     let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
     kinds.retain(|kind| refused.contains(kind));
+    // `doubts` are sorted by kind, so equal kinds are neighbours.
     kinds.dedup();
     let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
     (!names.is_empty()).then(|| format!("do not use this fit: {}", names.join(", ")))
@@ -183,6 +184,7 @@ fn missing(parameters: &[Parameter]) -> &'static str {
 /// Factor on the sides of the intervals of a fit whose errors go with what the robot does.
 pub(super) fn widening(audit: &Audit) -> f64 {
     let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
+    // The square of a correlation is a part of the variance, as `explained` is. So both can be compared.
     let remembers = if audit.memory.abs() > REMEMBERS { audit.memory * audit.memory } else { 0.0 };
     1.0 + WIDER * goes_with.max(remembers).sqrt()
 }
@@ -282,6 +284,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
 /// [`wants_nothing`].
 pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
     let estimate = &parameter.found;
+    // `at_bound` does not say which bound it is: it is the nearer one.
     let upper = estimate.value - estimate.lower >= estimate.upper - estimate.value;
     estimate.at_bound && (upper || estimate.lower != 0.0)
 }

@@ -27,6 +27,7 @@ impl Limbs {
         file.sort_by_key(|&place| joints[place]);
         let mut limbs: Vec<(usize, Vec<usize>)> = Vec::new();
         for &place in &file {
+            // Joints whose ways from the base begin with the same joint are one limb.
             let first = path(model, model.joints[joints[place]].body).first().copied().unwrap_or_default();
             match limbs.iter_mut().find(|(root, _)| *root == first) {
                 Some((_, limb)) => limb.push(place),
@@ -119,6 +120,8 @@ impl Limbs {
         let limb = &self.limbs[limb];
         let first = &self.names[limb[0]];
         let parts = first.split('_').collect::<Vec<_>>();
+        // The longest common beginning comes first, so `FL_front_hip` and `FL_front_knee` are called
+        // `FL_front`.
         let shared = (1..parts.len())
             .rev()
             .map(|count| parts[..count].join("_"))

@@ -103,6 +103,7 @@ fn config(settings: &ViewSettings) -> Result<(AdaptConfig, PathBuf), Error> {
     let beside = settings.theta.as_ref().map(|theta| theta.with_file_name("config.toml"));
     let path = settings.config.clone().or(beside.filter(|path| path.is_file()));
     let mut set = settings.set.clone();
+    // After the user's own changes, because the last one of a key wins: an option names a file more directly.
     for (key, file) in [("robot", &settings.robot), ("policy", &settings.policy)] {
         let value = file.as_ref().map(|file| toml::Value::from(file.display().to_string()));
         set.extend(value.map(|value| format!("{key}={value}")));
@@ -124,6 +125,7 @@ fn part(settings: &ViewSettings, shown: &Shown) -> Result<std::ops::Range<usize>
     let time = &shown.log.time;
     let start = time.first().copied().unwrap_or_default() + settings.from_s;
     let end = start + settings.seconds.unwrap_or(SHOWN_S);
+    // Times of a log rise, so both ends can be searched by halves.
     let rows = time.partition_point(|t| *t < start)..time.partition_point(|t| *t <= end);
     if rows.len() < 2 {
         return Err(Error::settings(format!(

@@ -87,6 +87,7 @@ pub(super) fn enough(
     cuts: &[Cut],
 ) -> Result<(), Error> {
     let skipped = config.skip_seconds();
+    // The first part of each stretch is not compared, so it is no data.
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
         Purpose::Fit => MIN_S,

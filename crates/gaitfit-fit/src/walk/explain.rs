@@ -19,6 +19,8 @@ const SUREST: f64 = 10.0;
 pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(findings);
     let shown = |effect: &Effect| of_effect(effect, findings.swings.as_ref());
+    // `Strength` shows play of a gear, see `play_of_swings`. It is looked at last, because other causes look
+    // like it.
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
         findings.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
     causes.extend(others.into_iter().filter_map(shown));
@@ -102,6 +104,7 @@ const NAMED: usize = 3;
 fn sensors(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = Vec::new();
     let mut add = |kind, size: Estimate, unit: &str, matters: f64, text: String| {
+        // 1 is the smallest size that changes a walk, so causes of different units can be ranked together.
         let weight = size.value.abs() / matters;
         causes.push(Cause { kind, of: String::new(), size, unit: unit.to_owned(), weight, text });
     };

@@ -89,6 +89,7 @@ pub fn read(
     let enough =
         |logs: &[Log], removed: &[Cut]| enough(purpose, config, config_path, reads.len(), logs, removed);
     let margin = config.fall_margin();
+    // First the parts in which the robot is on its feet, by what the logs show themselves.
     let (stretches, mut removed, on_feet_s) = on_feet(&reads, config, scene)?;
     let mut logs = long_enough(stretches, config, &mut warnings);
     warnings.extend(filled(&logs));

@@ -374,6 +374,7 @@ fn plain(walker: &Walker, log: &Trajectory) -> Script {
 /// The log's commands, from the state that its first sample shows.
 fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let mut script = script(walker, log);
+    // What the first sample shows is taken: attitude, then rates. Joints are in the start already.
     let base = log.base.as_ref();
     let attitude = base.and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());

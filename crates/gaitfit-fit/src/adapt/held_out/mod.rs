@@ -117,6 +117,8 @@ impl HeldOut {
         if self.trials.as_ref().is_some_and(Trials::explained) {
             return Verdict::Explained;
         }
+        // From here on the fit is judged by halves of blocks. `self.cost` has twice as many samples and
+        // cannot be set beside them.
         let Some(floor) = &self.floor else { return Verdict::Unknown };
         let upper = floor.mean + floor.range95;
         // The part of the nominal robot's excess that the fit leaves.
@@ -134,6 +136,8 @@ impl HeldOut {
     /// Max number of falls without a doubt: 2 % of the logs, or the number that chance explains if the fitted robot falls as often
     /// as the real one.
     fn max_falls(&self) -> usize {
+        // The rate comes from a few falls, so it is uncertain itself: `max_falls_by_chance` takes their
+        // number into account.
         let expected = self.robot_fall_rate * self.logs as f64;
         max_falls_by_chance(expected, self.robot_falls).max((CHANCE * self.logs as f64) as usize)
     }

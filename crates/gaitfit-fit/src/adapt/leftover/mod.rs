@@ -108,6 +108,7 @@ impl Leftover {
         let hidden = self.reach.get(at).copied().flatten().map(|reach| HIDDEN * reach);
         let margin = hidden.unwrap_or(0.0);
         let value = parameter.found.value;
+        // Within the margin the interval covers the other end already.
         if let Some(end) = self.end.get(at).filter(|end| (*end - value).abs() > margin) {
             parameter.reach(end - margin);
             parameter.reach(end + margin);
@@ -117,6 +118,8 @@ impl Leftover {
         }
         if let Some(moved) = self.suspect.as_ref().and_then(|suspect| suspect.moved.get(at)) {
             let end = self.end.get(at).unwrap_or(moved);
+            // The way is counted from where the search without the suspect ended, because `moved` was found
+            // from there.
             parameter.reach(moved + FURTHER * (moved - end));
         }
     }

@@ -59,6 +59,7 @@ impl Values {
     /// The values of `theta`. `entries`: names of the fit's own entries. `theta` may have more entries: they are springs of
     /// single joints.
     pub fn new(theta: &Theta, entries: &[String]) -> Self {
+        // The robot before the fit is simulated with an empty θ.
         if theta.is_empty() {
             return Self::None;
         }

@@ -245,6 +245,7 @@ impl World<'_> {
             .zip(kinds(uncorrected.len()))
             .map(|(error, kind)| WIDTH * error.max(MIN_ERRORS[kind]))
             .collect();
+        // The last number is the noise. Its region must not shrink to 0 where the real robot shows no noise.
         half.push((0.5 * noise).max(0.2 * NOISE * NOISE));
         // The estimates, and the residual in units of the noise's variance.
         // The residual is one more observation, which shows the noise.
@@ -263,6 +264,8 @@ impl World<'_> {
         let mut answer = None;
         // If torque noise cannot explain the logs, there is no correction. One round is enough for the comparison.
         let rounds = if too_large.is_some() { 1 } else { ROUNDS };
+        // Each round draws robots around the centre, lets them walk, and asks which values give the real
+        // estimates.
         for round in 0..rounds {
             // Numbers of robots continue from round to round, so that no two have the same draws.
             let first = FIRST_ROBOTS + round * robots_for(centre.len());
@@ -289,6 +292,7 @@ impl World<'_> {
         }
         let Answer { values, errors } = answer.ok_or(ALIKE)?;
         // Errors as large as the region that was drawn: the estimates hardly answer to the values.
+        // `half` is the same in all rounds, so it measures the region of the last one.
         if errors.iter().zip(&half).any(|(error, half)| *error > MAX_ERROR * half) {
             return Err(ALIKE.to_owned());
         }
@@ -344,6 +348,7 @@ impl World<'_> {
 
     fn observe_part(&self, robots: &[NoisyRobot], effects: bool) -> Result<Vec<Option<SwingReport>>, String> {
         if self.watch.stop() {
+            // The caller asks `watch` too, so these robots are not taken for robots that fell.
             return Ok(vec![None; robots.len()]);
         }
         let recorded = self
