@@ -162,6 +162,7 @@ impl Error {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Run(error) => error.kind(),
+            // What a GPU refuses another device may do, so the choice of the device is wrong.
             Self::Refused(_) | Self::Spring(_) => ErrorKind::Settings,
             Self::Task(_) if self.is_of_task() => ErrorKind::Settings,
             Self::Missing(_) => ErrorKind::Missing,

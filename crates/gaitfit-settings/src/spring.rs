@@ -74,6 +74,7 @@ impl FromStr for Spring {
         };
         let number = |number: &str, what, min: f64, max: f64, unit| {
             let value: f64 = number.trim().parse().map_err(|_| wrong())?;
+            // NaN lies in no range, so it is refused too.
             if (min..=max).contains(&value) {
                 return Ok(value);
             }
@@ -126,6 +127,8 @@ impl Spring {
         };
         let rest = self.rest.or(home(index)).unwrap_or(0.0);
         let joint = &mut model.joints[index];
+        // The spring replaces one that the robot's file may have; both together would have another angle of
+        // rest.
         joint.stiffness = self.stiffness;
         joint.springref = rest;
         Ok(rest)

@@ -31,6 +31,8 @@ pub fn limit(rules: &mut [ParameterRule], interface: &Interface, joints: &[Strin
         let has_effect =
             |joint: &&String| (moves(joint) || !only_moved) && !(is_wheel(joint) && about_angles);
         let kept: Vec<String> = joints.iter().filter(has_effect).cloned().collect();
+        // A rule without joints would be an error. One that keeps all joints stays "*", which is shorter to
+        // read.
         if !kept.is_empty() && kept.len() < joints.len() {
             rule.joints = kept;
         }

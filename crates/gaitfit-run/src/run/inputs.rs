@@ -36,6 +36,7 @@ impl Inputs {
     /// Returns the first difference from `saved`, in words; `None` when nothing differs.
     pub fn difference(&self, saved: &Self) -> Option<String> {
         let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
+        // Both lists, so that a file that is new and one that is gone are named too.
         if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {
             return Some(format!("{path} has changed"));
         }

@@ -102,6 +102,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         if self.same_files {
             return self.inputs.difference(saved);
         }
+        // Files may have moved: the robot and the settings that were made of them are compared instead.
         let without = |inputs: &Inputs| Inputs { files: Default::default(), ..inputs.clone() };
         without(&self.inputs).difference(&without(saved))
     }
@@ -135,6 +136,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
             let problem = format!("not a result of this version: {error}. Start afresh without --resume.");
             Error::content(&self.folder.path().join(RESULT), problem)
         })?;
+        // With another extent the run continues from its checkpoint, and this result is replaced.
         if file.asked != self.asked {
             return Ok(None);
         }

@@ -243,6 +243,8 @@ pub fn options(config: &AdaptConfig, robot_rate: f64, robot_falls: usize) -> Fit
         population: optimizer.population,
         generations: optimizer.generations,
         restarts: optimizer.restarts,
+        // 0 seeds means that the device chooses. Without a device yet there is one. A rule above keeps the
+        // sum within range.
         seeds: (0..optimizer.seeds.max(1) as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,

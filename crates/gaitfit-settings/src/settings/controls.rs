@@ -55,6 +55,7 @@ impl ControlsConfig {
             ("delay", self.delay, 1.0),
         ];
         let wrong = ranges.into_iter().find_map(|(name, [low, high], max)| {
+            // Negated as a whole, so that a range with NaN is refused.
             (!(0.0 <= low && low <= high && high <= max)).then(|| {
                 let (low, high) = (shown_number(low), shown_number(high));
                 format!(

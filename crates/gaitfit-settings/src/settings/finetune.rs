@@ -90,9 +90,11 @@ pub fn changed(mut task: Table, changes: &Table) -> Table {
     }
     for (key, change) in changes.iter().filter(|(key, change)| *key != CLEAR || !change.is_bool()) {
         match (task.get_mut(key), change) {
+            // In place, so that the table keeps its position among the others.
             (Some(Value::Table(inner)), Value::Table(change)) => {
                 *inner = changed(std::mem::take(inner), change);
             }
+            // Laid upon an empty table, so that a `clear` in it does not become a setting.
             (_, Value::Table(change)) => {
                 task.insert(key.clone(), changed(Table::new(), change).into());
             }

@@ -179,6 +179,8 @@ impl Configuration for LoopConfig {
             (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
             let distributions = walking::searches_distributions(given);
+            // As in a fit: whoever chooses the parameters or the cost does not get the defaults of the
+            // others.
             walking::trim(fitted, given);
             // The user's groups replace the default ones; they are not added to them.
             if given.contains_key("groups") {
@@ -269,6 +271,7 @@ impl LoopConfig {
     /// Whether the fit finds joint intervals.
     fn has_draws(&self) -> bool {
         let (method, first) = (self.adapt.optimizer.method, self.adapt.costs.first());
+        // Only least squares has joint intervals. `auto` takes it for costs of short predictions.
         method != Method::CmaEs
             && first.is_some_and(|cost| cost.needs_imu() || method == Method::LeastSquares)
     }
@@ -276,6 +279,7 @@ impl LoopConfig {
     /// Holds `[adapt]` to the rules of `gaitfit fit`, before there are logs.
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
+        // The loop gives each round its folder; the rule against an empty name is not for it.
         adapt.runs = ".".to_owned();
         check::check(&adapt, path).map_err(|error| error.within("[adapt]"))
     }
@@ -296,6 +300,7 @@ impl LoopConfig {
             ..self.adapt.clone()
         };
         // Rounds draw different candidates, but not with `seeds = 0`: the device chooses their number later.
+        // Rounds count from 1.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
         adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(check::MAX_SEED);
         adapt

@@ -338,6 +338,7 @@ impl AdaptConfig {
     /// Names of the joint groups with the patterns of their joints. The configuration states them. If it leaves the default
     /// and that does not cover all `joints`, each group holds the joints of one name on all legs.
     pub fn groups(&self, joints: &[String]) -> Vec<(String, Vec<String>)> {
+        // Groups that a user wrote are never replaced.
         let default = self.groups == Self::default().groups;
         if let Some(groups) = default.then(|| groups::by_name(joints)).flatten() {
             return groups;

@@ -58,6 +58,8 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
 /// Takes from the `defaults` of walking logs what does not go with the settings that a file has: parameters beside those
 /// that it chooses, the search of another cost.
 pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
+    // A fit of other parameters is another fit: the default lists, and what goes with them, are taken out
+    // together.
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
         FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));
@@ -65,6 +67,7 @@ pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
             OF_DEFAULTS.iter().for_each(|key| drop(simulation.remove(*key)));
         }
     }
+    // Other costs have a search of their own, whose settings are the defaults of a clamped robot's fit.
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
         FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));

@@ -125,6 +125,7 @@ impl Metric {
         known.iter().filter_map(|(name, value)| Some((name, (*value)?))).for_each(|(name, value)| {
             add(format!("train/{name}"), value);
         });
+        // These exist in every iteration; the ones above only if an episode ended or commands grow.
         add("train/linear_velocity_error".to_owned(), self.linear_velocity_error);
         add("train/angular_velocity_error".to_owned(), self.angular_velocity_error);
         if let Some(level) = self.terrain_level {

@@ -40,6 +40,7 @@ pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<
 /// Trains the seeds one after the other, or as many at a time as there are groups of GPUs.
 fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Error> {
     let seeds = &setup.plan.seeds;
+    // A single group trains one seed after the other, on all devices that it has.
     let groups = setup.devices.groups(seeds.len());
     if let [all] = &groups[..] {
         return seeds.iter().try_for_each(|&seed| seed::train(setup, folder, seed, all, watch));

@@ -110,6 +110,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
     // Names come from the first iteration: all have the same.
     let names = metrics.first().map(|metric| diagnostics(&metric.ppo).map(|(name, _)| name));
     let learner = names.into_iter().flatten().enumerate().map(|(index, name)| Series {
+        // The adaptive learning rate is multiplied by factors, which a logarithmic axis shows evenly.
         log: name == "learning_rate",
         ..series(&name.replace('_', " "), "", &|metric| diagnostics(&metric.ppo)[index].1)
     });
