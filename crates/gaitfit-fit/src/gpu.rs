@@ -148,6 +148,7 @@ fn place(signal: Signal, joints: usize) -> usize {
         Signal::Position => 0,
         Signal::Velocity => joints,
         Signal::Action => 2 * joints,
+        // The joints' signals come first, with one dimension a joint. The base has three a signal.
         Signal::BasePosition => 3 * joints,
         Signal::BaseVelocity => 3 * joints + 3,
     }

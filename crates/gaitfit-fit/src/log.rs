@@ -59,6 +59,7 @@ pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
     let lead = lead(logs.iter().map(|log| &log.trajectory));
     let spread =
         logs.iter().filter_map(|log| log.trajectory.lead).map(|lead| lead.spread).fold(0.0, f64::max);
+    // A training counts a delay from the rows, so a value from a replay must be converted for it.
     let counts = match walks {
         true => "a delay counts from the rows, and holds these".to_owned(),
         false => format!(

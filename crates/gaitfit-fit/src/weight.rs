@@ -62,6 +62,7 @@ impl Samples {
             return None;
         }
         let width = log.joints.len();
+        // The checks compute the robot's weight for every sample and joint, so only some samples are taken.
         let every = log.len().div_ceil(MAX_SAMPLES);
         let row = |sample: usize| {
             let at_sample = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
@@ -138,6 +139,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     let width = model.joints.len();
     // `order` leads from the log's columns to the model's joints.
     let order: Vec<usize> = log.joints.iter().filter_map(|joint| model.find_joint(joint)).collect();
+    // The weight on a joint depends on all angles of the limb, so no joint may be missing.
     if log.joints.len() != width || order.len() != width {
         return Vec::new();
     }
@@ -295,6 +297,7 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
         let Some([low, high]) = model.joints[joint].range else { return false };
         let values = log.column_at(Signal::Position, column).unwrap_or_default();
         let over = model.joints[joint].kind.like("rad", BEYOND);
+        // Single samples may overshoot a limit. An order is impossible only if many do.
         let outside = values.iter().filter(|q| **q < low - over || **q > high + over).count();
         outside as f64 > OFTEN * values.len() as f64
     })

@@ -90,6 +90,7 @@ fn folder_of(path: &Path) -> &Path {
 /// Where a file is or will be, whatever names lead there.
 fn place(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| {
+        // A file that does not exist yet has no canonical path, but its folder has one.
         let folder = fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_owned());
         path.file_name().map_or_else(|| folder.clone(), |name| folder.join(name))
     })

@@ -47,6 +47,7 @@ pub fn title(path: &Path) -> String {
     if stem.as_deref() != Path::new(POLICY).file_stem().map(|stem| stem.to_string_lossy()).as_deref() {
         return stem.unwrap_or_else(|| path.display().to_string());
     }
+    // Every training calls its file `policy`, so the folders of run and seed make the name.
     let above = path.parent().into_iter().flat_map(|seed| [seed.parent(), Some(seed)]);
     let named: Vec<String> = above.flatten().filter_map(part).collect();
     if named.is_empty() { "policy".to_owned() } else { named.join(", ") }

@@ -83,6 +83,7 @@ impl EventFile {
         let value =
             |&(tag, value): &(&str, f64)| Value { tag: tag.to_owned(), simple_value: Some(value as f32) };
         let summary = Some(Summary { value: scalars.iter().map(value).collect() });
+        // Steps of TensorFlow's events are signed.
         let step = i64::try_from(step).unwrap_or(i64::MAX);
         self.append(&Event { wall_time, step, file_version: None, summary })
     }

@@ -92,6 +92,7 @@ impl<'a> Watch<'a> {
 
     /// Whether the caller wants the stage to stop. Once it does, it stays so.
     pub fn stop(&self) -> bool {
+        // After a `Break` the callback is not asked again, so it need not remember its answer.
         if !self.stopped.load(Ordering::Relaxed) {
             self.tell(Event::Poll);
         }
@@ -109,6 +110,7 @@ impl<'a> Watch<'a> {
         let mut counting = None;
         let mut last = 0;
         work(&mut |done, total| {
+            // Work that never counts shows no progress bar.
             let counting =
                 counting.get_or_insert_with(|| self.begin(Work { what, total, first: 0, parts, seed: None }));
             // A caller may count the same number twice to ask whether to stop.

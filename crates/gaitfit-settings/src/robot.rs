@@ -72,6 +72,7 @@ pub fn joint_names(model: &Model) -> Vec<String> {
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    // Joint names become names of columns, which cannot hold every text.
     let unwritable = gaitfit_log::check_names(None, &names).err();
     let unwritable = unwritable.map(|error| format!("logs of this robot cannot be written: {error}"));
     changed.chain(model.warnings()).chain(unwritable).collect()

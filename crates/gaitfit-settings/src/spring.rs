@@ -66,6 +66,7 @@ impl FromStr for Spring {
     type Err = SpringError;
 
     fn from_str(text: &str) -> Result<Self, SpringError> {
+        // The text may be long or hold control characters. `shown` cuts and escapes it.
         let wrong = || SpringError::Form(shown(text));
         let (joint, numbers) = text.split_once('=').ok_or_else(wrong)?;
         let (stiffness, rest) = match numbers.split_once('@') {

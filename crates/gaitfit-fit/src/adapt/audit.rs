@@ -64,6 +64,7 @@ impl Audit {
         let mean = |measure: &dyn Fn(&Joint) -> f64| {
             stats::mean(&by_joint.iter().map(|(_, joint)| measure(joint)).collect::<Vec<_>>())
         };
+        // Sizes are averaged, because a correlation may have another sign on each joint.
         let sizes = (0..MOTIONS.len()).map(|motion| mean(&|joint| joint.correlations[motion].abs()));
         let known = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
         let (motion, size) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -154,6 +154,7 @@ fn regressed(fit: &CostFit) -> Option<String> {
     let regression = fit.regression.as_ref()?;
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
     let robots = regression.robots;
+    // A regression whose values are not taken still gives the intervals.
     let mut text = if regression.taken {
         format!(
             "the values are corrected by the logs of {robots} simulated robots whose values are known: {}. Before, {} was \

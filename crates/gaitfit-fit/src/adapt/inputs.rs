@@ -186,6 +186,7 @@ pub fn validation(
     match method {
         Method::Replay(clamped) => {
             let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
+            // Logs of different rates cannot be replayed together, so each is a set of its own.
             let sets = logs.into_iter().map(|log| vec![log]).collect();
             Ok(ValidationLogs { sets, doubts, falling: Falling::default() })
         }

@@ -88,6 +88,7 @@ pub(super) fn find(
     })?;
     let mut odd = compare(setup, &theta, &outcome);
     odd.wall_seconds = begun.elapsed().as_secs_f64();
+    // Kept, so that a fit that is interrupted later does not compare the joints again.
     folder.write_json(FILE, &Saved { inputs: inputs.clone(), found: odd.clone() })?;
     Ok(odd)
 }

@@ -308,6 +308,7 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
             warnings.push(format!("[{table}] has `{name}`, which is not fitted"));
         }
     }
+    // A pattern that matches nothing may be a slip of the pen: its logs keep the gains that they state.
     for entry in &config.validate_gains {
         let mut used = false;
         for log in validate.iter().flatten() {

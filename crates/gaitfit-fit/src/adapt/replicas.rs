@@ -166,6 +166,7 @@ impl World for Robots<'_> {
         let sets = pool::map(recorded.len(), setup.fit.simulator.threads(), |set| {
             replicas.replicate(setup, cost, &recorded[set])
         });
+        // Counted here and not by the threads, because `made` is a cell of this thread.
         sets.iter().for_each(|_| self.notify());
         sets.into_iter().collect()
     }

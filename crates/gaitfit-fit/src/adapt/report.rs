@@ -177,6 +177,7 @@ fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<Optimi
 
 fn parameter(parameter: &Parameter) -> Shown {
     let estimate = &parameter.found;
+    // A value at a bound is at the nearer one.
     let bound = if estimate.value - estimate.lower < estimate.upper - estimate.value {
         Bound::Lower
     } else {

@@ -200,6 +200,7 @@ pub(super) fn results(
     }
     let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
     checked(2)?;
+    // All that speaks against the fit becomes one list of doubts, by which the result is judged.
     let evidence = Evidence {
         fitted: &fitted,
         baselines: &baselines,
@@ -218,6 +219,7 @@ pub(super) fn results(
     );
     // A stable sort: within one kind the order above stays.
     doubts.sort_by_key(|doubt| doubt.kind);
+    // Nothing touches a leg in the air, so these estimates check the values without any contact.
     let beside_swings = swings
         .as_ref()
         .map_or_else(Vec::new, |findings| swing::compared(setup, findings, &setup.theta, &first.parameters));
@@ -288,6 +290,7 @@ fn cost_fits(
         }
         uncorrected.extend(warning);
         let noise_alone = outcome.uncertainty.is_some();
+        // What remains in the errors is examined first, because it widens the intervals of the fit.
         let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
         // What was cut short is no failure.
         let left = left.map_err(|error| match watch.stop() {

@@ -90,6 +90,7 @@ impl AdaptResults {
     /// Sentences about the springs of the fit.
     pub fn springs_in_words(&self) -> Vec<String> {
         if let Some(odd) = &self.odd_joints {
+            // Where no spring is found, a joint that is predicted far worse is the better answer.
             let stands_out = self.fits.first().and_then(|fit| outliers::sentence(&fit.doubts));
             if let Some(sentence) = stands_out.filter(|_| odd.odd.is_empty()) {
                 return vec![sentence];

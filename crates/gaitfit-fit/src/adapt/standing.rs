@@ -143,6 +143,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
             100.0 * noise / effort
         ));
     }
+    // Noise does not depend on the motion. Errors that do come from an effect that the model lacks.
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.explained > GOES_WITH) {
         reasons.push(format!(
             "{:.0} % of the variance of its errors depend on the motion ({:.0} % at {}), most on {}.",
@@ -158,6 +159,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
             ));
         }
     }
+    // Noise of one sample does not depend on the noise of the sample before.
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
         reasons.push(format!(
             "Its errors have a correlation of {:.2} with those a sample before.",

@@ -176,6 +176,7 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
     let failed = |error: gaitfit_log::LogError| Error::failed(format!("{shown}: {error}"));
     let log = rate::to_control(&log, policy.interface.control_dt).map_err(failed)?.trajectory;
     let policy_match = policy_check::check(policy, &[&log]);
+    // The search takes long. It is only made where the actions do not follow and enough of them are there.
     let diagnosis = if policy_match.agrees() || !policy_match.is_enough() {
         None
     } else {

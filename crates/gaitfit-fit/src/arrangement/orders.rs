@@ -36,6 +36,7 @@ impl Limbs {
         }
         let depth = |place: usize| path(model, model.joints[joints[place]].body).len();
         let mut limbs: Vec<Vec<usize>> = limbs.into_iter().map(|(_, limb)| limb).collect();
+        // The sort is stable, so joints on one body stay in the file's order.
         limbs.iter_mut().for_each(|limb| limb.sort_by_key(|&place| depth(place)));
         let mut breadth_first = file.clone();
         breadth_first.sort_by_key(|&place| depth(place));

@@ -190,6 +190,7 @@ fn page(settings: &ViewSettings, shown: Shown, rows: std::ops::Range<usize>) -> 
 
 /// How far simulated joints are from measured ones, rad: see [`Viewed::distance_rad`].
 fn distance(aligned: bool, simulated: &[f64], measured: &[f64], width: usize) -> Option<f64> {
+    // A walk and its simulation drift out of phase, so only their distributions can be compared.
     let distance = if aligned {
         let squares = simulated.iter().zip(measured).map(|(a, b)| (a - b).powi(2));
         (squares.sum::<f64>() / simulated.len() as f64).sqrt()
@@ -300,6 +301,7 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
         measured: column(&shown.log.position, joint),
         fitted: positions(&shown.fitted, joint),
         nominal: positions(&shown.nominal, joint),
+        // The target of a wheel is a velocity, which has no place beside its angle.
         target: (shown.log.target.as_deref().filter(|_| !shown.log.has_velocity_target(joint)))
             .map(|target| column(target, joint))
             .unwrap_or_default(),

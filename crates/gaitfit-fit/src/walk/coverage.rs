@@ -89,6 +89,7 @@ impl Coverage {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let missing = self.uncovered();
+        // Combinations of commands are worth a word only where every range is covered.
         if !missing.is_empty() {
             warnings.push(format!(
                 "the logs do not cover the policy's commands: {}; the fit is unchecked there: record these next time",

@@ -80,6 +80,7 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
             interface.robot
         ));
     }
+    // Log and interface list their gains in the policy's order.
     let differs = |read: &Read| {
         let gains = read.trajectory.gains.as_ref()?;
         let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));

@@ -72,11 +72,13 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
     let alone = |kind: JointParameter| {
         theta.entries().iter().any(|entry| entry.kind == kind.name() && entry.joints == [cause.of.as_str()])
     };
+    // A stated value counts as much as a fitted one: the simulator has both.
     match cause.kind {
         CauseKind::GyroBias => {
             ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind))
                 || some(&sensors.gyro_bias)
         }
+        // The simulator's encoders have no steps, so nothing covers this.
         CauseKind::EncoderStep => false,
         CauseKind::VelocityLag => has("velocity_lag") || robot.velocity_lag != 0.0,
         CauseKind::Tilt => (has("imu_roll") && has("imu_pitch")) || some(&sensors.imu_tilt),

@@ -65,6 +65,7 @@ impl<'a> Search<'a> {
     ) -> Vec<Vec<f64>> {
         let interface = &self.policy.interface;
         let (width, joints) = (self.layout.width(), interface.joints.len());
+        // All rows are of the same sample, so they share its past.
         let past = observation::past(&self.layout, interface, log, sample, clock);
         let past = past.as_deref();
         self.observation.resize(all.len() * width, 0.0);

@@ -230,6 +230,7 @@ impl Comparison {
             covariance += a * b;
             variance += b * b;
         }
+        // The slope of the logged actions over the predicted ones.
         covariance / variance
     }
 

@@ -24,6 +24,7 @@ pub fn check(rate_hz: f64, control_dt: f64, shown: &str) -> Result<(), Error> {
 pub fn text(rates: impl Iterator<Item = f64>) -> String {
     let mut rates: Vec<f64> = rates.collect();
     rates.sort_by(f64::total_cmp);
+    // Sorted before, so that rates that are nearly equal are neighbours.
     rates.dedup_by(|a, b| (*a / *b - 1.0).abs() < SAME);
     rates.iter().map(|rate| format!("{rate:.4}")).collect::<Vec<_>>().join(", ")
 }

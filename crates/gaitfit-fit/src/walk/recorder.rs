@@ -183,10 +183,12 @@ impl Recorder {
             reset_every: None,
             seed: derive_seed(seed, Purpose::TORQUE_NOISE, number(robot).wrapping_add(1)),
         };
+        // A GPU gets the scripts of the logs, and the beginnings of each robot beside them.
         let gpu =
             self.walk_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.max_samples_before()));
         let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
         let begins = |robot: usize| self.unknown_starts(seed, number(robot));
+        // Its tracks begin where the recording does, so nothing is cut from them.
         let take_all = |robot: usize, tracks: Vec<Track>| {
             keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
         };
@@ -268,6 +270,7 @@ impl Recorder {
         let first = script.commands.first().copied().unwrap_or_default();
         script.commands.splice(0..0, std::iter::repeat_n(first, *earlier));
         if let Some(&first) = script.motion.first() {
+            // The motion goes on at its pace, so before the log its time is earlier by a period a sample.
             let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
             script.motion.splice(0..0, (0..*earlier).map(before));
         }

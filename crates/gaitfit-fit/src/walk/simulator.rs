@@ -277,6 +277,7 @@ fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
     let (samples, joints) = (log.len(), walker.default_pose.len());
     let mut targets = vec![0.0f32; samples * joints];
+    // A log without targets has actions, from which the targets follow.
     match &log.target {
         Some(target) => targets = in_model(walker, target, &walker.default_pose),
         None => walker.targets(&actions(log), &mut targets),

@@ -120,6 +120,7 @@ pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> 
             "{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5}{load} }}\n"
         );
     };
+    // `by_strength` and `by_load` have the order friction, damping, armature. The lines have another one.
     for group in &report.groups {
         line(
             JointParameter::FrictionLoss,

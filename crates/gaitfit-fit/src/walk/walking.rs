@@ -130,6 +130,7 @@ pub fn feet(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<usiz
 
 /// The policy's task as the configuration has it simulated.
 fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<TaskSettings, Error> {
+    // A policy that was trained elsewhere has no task. The usual one of the robot stands in.
     let mut settings = match world::trained_task(policy)? {
         Some(task) => task,
         None => world::usual_task(model)?,

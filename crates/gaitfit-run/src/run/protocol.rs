@@ -152,6 +152,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// Files that cannot be written.
     pub fn begin(&self) -> Result<String, Error> {
         let begun = now();
+        // A run that resumes writes its settings again, because free ones may have changed.
         let text = toml::to_string_pretty(&self.settings)
             .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
         self.folder.write(CONFIG, text.as_bytes())?;

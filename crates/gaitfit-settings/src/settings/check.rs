@@ -28,6 +28,7 @@ const RULES: &[Rule] = &[
     ),
     (|config| config.logs.is_empty(), "`logs` names no log to fit"),
     (
+        // A later rule reads the first cost, so there must be one.
         |config| config.costs.is_empty(),
         "`costs` names no cost; take for example \"wass\" for walks or \"matcho\" for legs in the air (docs/costs.md)",
     ),
@@ -92,6 +93,7 @@ const RULES: &[Rule] = &[
         },
         "`falls.margin_seconds` and `falls.penalty` must be finite and at least 0",
     ),
+    // Ranges of the search, of the simulation and of the checks.
     (|config| config.optimizer.generations == 0, "`optimizer.generations` must be at least 1"),
     (
         |config| config.optimizer.seeds > 1000,

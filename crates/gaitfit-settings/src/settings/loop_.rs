@@ -225,6 +225,7 @@ impl LoopConfig {
              robot must be there"
                 .to_owned()
         } else if self.held_out == 1 || self.held_out > 1000 {
+            // With 1, every log would be held out and none fitted.
             "`held_out` must be 0 (all logs are fitted) or 2 to 1000 (one log of so many is not)".to_owned()
         } else if self.rounds == 0 || self.rounds > 100 {
             "`rounds` must be 1 to 100".to_owned()
@@ -232,6 +233,7 @@ impl LoopConfig {
             "`rounds` above 1 needs a [target]: without one, record the logs of the next round by hand"
                 .to_owned()
         } else if !(0.0..1.0).contains(&self.improvement) {
+            // A share of 1 would ask for a policy without any error.
             "`improvement` must be at least 0 and below 1".to_owned()
         } else if self.runs.is_empty() {
             "`runs` names no folder; \".\" is the current one".to_owned()

@@ -22,6 +22,7 @@ pub fn explained(error: &toml::de::Error) -> String {
 
 /// A message with what a number must be in words instead of the name of a type: "expected u32".
 fn in_words(message: &str) -> String {
+    // The reader's messages end in the name of a Rust type, which users need not know.
     let Some((before, name)) = message.rsplit_once("expected ") else { return message.to_owned() };
     let max = match name {
         "u8" => Some(u64::from(u8::MAX)),

@@ -295,6 +295,8 @@ impl AdaptConfig {
             return Ok(config);
         }
         self.rules().check_networks(model)?;
+        // Only a default states its numbers for hinges alone. A user's rule with numbers must not cover both
+        // kinds.
         let usual = walk_defaults().parameter;
         let parts = self.parameter.iter().map(|rule| rule.by_kind(model, usual.contains(rule)));
         config.parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();

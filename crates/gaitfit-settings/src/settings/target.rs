@@ -239,6 +239,7 @@ impl TargetConfig {
         {
             "`target.robot`, `target.interface` and `target.domain` are for kind = \"robot\""
         } else if self.domain > 232 {
+            // DDS computes its ports from the domain, 7400 + 250 for each. Beyond 232 there is no such port.
             "`target.domain` must be 0 to 232; robots are in 0, simulators in 1"
         // Domain 0 is where real robots are, so nothing may make a run less careful there.
         } else if real && self.domain == 0 && self.yes {

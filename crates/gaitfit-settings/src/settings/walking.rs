@@ -31,6 +31,7 @@ const COST: &str = "wass";
 
 /// Whether the settings are of walking logs: `base` says so, or there is a policy that walked.
 fn walks(table: &DeTable<'_>) -> bool {
+    // `base` decides where it is given. A value that is no text is refused when the table is read.
     match table.get("base").map(Spanned::get_ref) {
         Some(DeValue::String(base)) => base == "free",
         Some(_) => false,
@@ -92,6 +93,7 @@ fn of_distributions(number: &DeValue<'_>) -> bool {
 
 /// Whether the first cost is that of the defaults.
 pub(super) fn searches_distributions(own: &DeTable<'_>) -> bool {
+    // A list that is left out is that of the defaults, which begins with `COST`.
     match own.get("costs").map(Spanned::get_ref) {
         Some(DeValue::Array(costs)) => {
             matches!(costs.iter().next().map(Spanned::get_ref), Some(DeValue::String(first)) if first == COST)

@@ -86,6 +86,7 @@ fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
     if !off.is_finite() || rest <= 0.0 {
         return None;
     }
+    // The same share as for commands: half of the error of a robot that does nothing.
     let walks = off < FOLLOWS * rest;
     let share = 100.0 * off / rest;
     let than =

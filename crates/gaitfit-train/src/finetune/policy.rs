@@ -66,6 +66,7 @@ fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> 
         width: shape.outputs(),
         layers: shape.hidden.len(),
     });
+    // Settings that leave the memory open take the policy's.
     match (ppo.memory, kept) {
         (None, _) => {}
         (Some(asked), Some(kept)) if asked == kept => {}

@@ -33,6 +33,7 @@ pub fn page(
             "the last {LAST} iterations of training, with its noise, pushes and varied robots"
         ),
         seeds: trained.iter().map(|seed| curve(&seed.result, &seed.metrics)).collect(),
+        // Picture, caption and replay are of the first seed; links lead to the others.
         gait: first.map(|seed| gait::picture(&seed.shown.record)),
         gait_caption: first
             .map(|seed| format!("Seed {}, {GAIT_CAPTION}.", seed.result.seed))

@@ -55,6 +55,8 @@ pub fn train(
     folder.make(&files.folder)?;
     let learner = setup.learner(seed).map_err(Error::settings)?;
     let settings = &setup.plan.train;
+    // With draws of a fit, each robot of the training varies around one of them. Otherwise all vary around
+    // one robot.
     let training = if setup.drawn.is_empty() {
         Training::new(&setup.scene, setup.candidate.as_ref(), settings, learner, seed)
     } else {

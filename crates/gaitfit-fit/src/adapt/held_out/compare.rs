@@ -178,6 +178,7 @@ fn trials(
     let paired = |walks: &[Predicted]| -> Option<Vec<Predicted>> {
         pairs.iter().map(|(log, _)| Some(tail(walks.get(*log)?, skip, count))).collect()
     };
+    // Three walks of each pair: the held-out log, the fitted robot's, and below the other trial.
     let (logged, walked) = (paired(recorded)?, paired(after)?);
     let other =
         |(_, other): &(usize, usize)| Some(tail(&self::recorded(&others[*other], joints)?, skip, count));

@@ -196,6 +196,7 @@ impl HeldOut {
                 number(self.cost)
             );
         };
+        // A floor of 0 has no multiples, so the factor is left out there.
         let how = match (verdict, floor.cost) {
             (Verdict::Explained, _) => "as well as other seconds of the same walks do".to_owned(),
             (_, Some(cost)) if floor.mean > 0.0 => {

@@ -70,6 +70,7 @@ impl Leftover {
 
     /// The doubt that the simulator lacks something.
     pub(super) fn doubt(&self) -> Option<Doubt> {
+        // Smooth targets are tried even if the errors forget, so a suspect may stand alone.
         let mut text = match (self.remembers(), &self.suspect) {
             (false, None) => return None,
             (false, Some(_)) => String::new(),
@@ -113,6 +114,8 @@ impl Leftover {
             parameter.reach(end - margin);
             parameter.reach(end + margin);
         }
+        // Least squares knows no error of the simulator, so its intervals always widen. Others widen if the
+        // errors remember.
         if let Some(hidden) = hidden.filter(|_| self.memory > REMEMBERS || self.noise_alone) {
             parameter.blur(hidden);
         }

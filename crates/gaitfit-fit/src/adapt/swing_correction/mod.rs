@@ -179,6 +179,7 @@ impl Robot<'_> {
         if !groups_of(&real).eq(groups_of(report)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
+        // From here the simulated robots: their parameters are the numbers that the real report has.
         let theta = theta_of(&real, self.model).map_err(|error| error.to_string())?;
         let mut config = self.config.clone();
         config.simulation.robot_timestep.get_or_insert(STEP_S);
@@ -196,6 +197,7 @@ impl Robot<'_> {
         let logs: Vec<Trajectory> = with_gains.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
         let groups = groups_of(&real).map(str::to_owned).collect();
+        // Both rounds are counted. The second is left out where torque noise cannot explain the logs.
         let counting = watch.begin(Work {
             what: "legs in the air, simulated robot",
             total: FIRST_ROBOTS + ROUNDS * robots_for(numbers_of(&real)),
