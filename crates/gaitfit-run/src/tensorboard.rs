@@ -147,6 +147,7 @@ fn event_file(start: &[u8]) -> bool {
 
 /// The next record's size and content; `None` at the end and where it is torn.
 fn next(reader: &mut impl Read, rest: u64) -> io::Result<Option<(u64, Event)>> {
+    // Too short for any record: the end of the file, or a torn one.
     if rest < HEAD + TAIL {
         return Ok(None);
     }

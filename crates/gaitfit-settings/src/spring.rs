@@ -126,6 +126,7 @@ impl Spring {
                 joints: joints.join(", "),
             });
         };
+        // A spring without an angle of its own is at rest where the robot stands.
         let rest = self.rest.or(home(index)).unwrap_or(0.0);
         let joint = &mut model.joints[index];
         // The spring replaces one that the robot's file may have; both together would have another angle of

@@ -116,6 +116,7 @@ impl Method {
         once: usize,
     ) -> Result<Box<SharedSimulator>, Error> {
         Ok(match self {
+            // Settings refuse several starts for a clamped robot, so here all logs are to start as they did.
             Self::Replay(_) => self.simulator(base, logs)?,
             Self::Walk(walking) => {
                 let simulator = walking.simulator(base, logs).with_starts_near(once);

@@ -110,6 +110,7 @@ impl Replicas {
     fn replicate(&self, setup: &Setup, cost: usize, recorded: &[Recorded]) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = setup;
         let margin = method.samples(config.fall_margin(), &fit.logs);
+        // A simulated log must be as long as a stretch of a real log that counts.
         let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
         let mut logs = Vec::with_capacity(recorded.len());
         for (log, recorded) in fit.logs.iter().zip(recorded) {

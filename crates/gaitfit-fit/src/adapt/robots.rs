@@ -93,6 +93,7 @@ impl Walks for World<'_> {
             if let Some(slot) = per_robot.lock().unwrap_or_else(PoisonError::into_inner).get_mut(robot) {
                 *slot = numbers;
             }
+            // Relaxed is enough: the number is for the progress bar alone.
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
         };
         let (recorder, theta) = (self.replicas.recorder(), &self.setup.theta);

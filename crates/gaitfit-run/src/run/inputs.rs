@@ -30,6 +30,8 @@ impl Inputs {
             let hash = hash_file(path)?;
             hashes.insert(path.display().to_string(), hash);
         }
+        // JSON has every number with as many digits as bring back its bits, so equal hashes mean equal
+        // values.
         Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })
     }
 

@@ -63,6 +63,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
             watch.note(&format!("{} is finished; this is its result", self.folder.path().display()));
             return Ok(results);
         }
+        // Before the work, so that a run that is killed can be resumed with its own settings.
         let begun = self.begin()?;
         let results = work()?;
         Ok(self.finish(&begun, results)?)

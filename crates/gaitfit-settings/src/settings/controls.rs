@@ -63,6 +63,7 @@ impl ControlsConfig {
                 )
             })
         });
+        // Without a true robot there is nothing to refuse, and 0 is within the range.
         let truth = self.truth.as_ref().map_or(0.0, |truth| truth.torque_noise);
         wrong
             .or_else(|| check_torque_noise("controls.torque_noise", self.torque_noise).err())

@@ -74,6 +74,7 @@ impl Configuration for FinetuneConfig {
 
     /// Lays the settings upon the defaults, which are not those of [`ppo::Settings`] and [`TrainingSettings`].
     fn complete(table: &mut DeTable<'_>) {
+        // The text is a part of the program and is read by a test, so parsing it does not fail.
         let mut defaults = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         let given = std::mem::take(table);
         // A table in the place of a number or the other way round keeps its own place and is refused when it is read.

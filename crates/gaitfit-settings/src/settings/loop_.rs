@@ -166,6 +166,7 @@ impl Configuration for LoopConfig {
                 return;
             }
         }
+        // The text is a part of the program and is read by a test, so parsing it does not fail.
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         // Of a simulated target the loop knows the period of the motor boards; logs do not state it.
         let logs = given.get("logs").map(Spanned::get_ref);

@@ -323,6 +323,7 @@ impl AdaptConfig {
 
     /// Whether every cost predicts single samples from what the sensors read before.
     fn sensed(&self) -> bool {
+        // `all` is true of an empty list, which compares nothing.
         !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu())
     }
 

@@ -171,6 +171,7 @@ fn every_joint() -> Vec<String> {
 impl TargetConfig {
     /// Whether a program measures that cannot be told how fast drift trials are.
     pub fn has_no_drift_speeds(&self) -> bool {
+        // Without a program there is none that must be told.
         !self.evaluate.is_empty() && self.evaluate.iter().all(|word| !word.contains("{drift_speeds}"))
     }
 

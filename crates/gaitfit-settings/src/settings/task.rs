@@ -93,6 +93,7 @@ impl Task {
             // From here on the task has nothing of the Go2's.
             Some(settings) => self.settings = settings,
             None => {
+                // A task that no file completed, such as the default, lacks all of them.
                 let all = || ROBOT_KEYS.iter().map(|&key| key.to_owned()).collect();
                 let missing = if self.missing.is_empty() { all() } else { std::mem::take(&mut self.missing) };
                 return Err(not_the_go2(self.base.name(), model, file, &missing));

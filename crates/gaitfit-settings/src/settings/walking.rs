@@ -50,6 +50,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         return;
     }
     let given = std::mem::take(table);
+    // The text is a part of the program and is read by tests, so parsing it does not fail.
     let mut defaults = DeTable::parse(WALK_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
     trim(&mut defaults, &given);
     merge(&mut defaults, given);

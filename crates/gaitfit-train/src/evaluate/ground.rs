@@ -73,6 +73,7 @@ impl GroundChoice {
     fn named(&self, error: Error) -> Error {
         match self {
             Self::Of { file: Some(file), .. } if error.to_string().contains("terrain.") => {
+                // The message names the setting as the file of --terrain does.
                 let what = error.to_string().replace("task.terrain.", "terrain.");
                 Error::settings(format!("--terrain {}: {what}", shown(file)))
             }

@@ -82,6 +82,7 @@ impl Metric {
             iteration: iteration.number + 1,
             samples: u64::from(iteration.number + 1) * tally.steps as u64,
             reward: tally.reward / tally.steps,
+            // Tallies are sums of floating-point numbers, but counts in them are whole.
             episodes: tally.episodes as u64,
             episode_return: ended(tally.episode_return),
             episode_seconds: ended(tally.episode_steps * dt),

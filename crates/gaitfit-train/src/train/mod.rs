@@ -29,6 +29,7 @@ pub fn train(setup: &Setup, resume: bool, watch: &Watch<'_>) -> Result<Results, 
 /// Trains all seeds in this folder, or continues what it holds.
 pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Results, Error> {
     let protocol = files::protocol(folder, setup);
+    // Checked apart: iterations and seeds are free settings, so the protocol would let fewer of them pass.
     files::check_grown(&protocol, &setup.plan)?;
     setup.warnings.iter().for_each(|warning| watch.note(warning));
     protocol.run(watch, || {

@@ -65,6 +65,7 @@ impl Values {
         }
         let mut springs: Vec<String> = Vec::new();
         for entry in theta.entries().iter().filter(|entry| !entries.contains(&entry.name)) {
+            // Stiffness and torque of one spring name the same joint, which is asked for once.
             springs.extend(
                 entry.joints.iter().filter(|joint| !springs.contains(joint)).cloned().collect::<Vec<_>>(),
             );
