@@ -128,7 +128,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         }
         _ => return,
     };
-    // The name of the built-in task is no setting of a task, so it does not go into the fields below.
+    // The name of the built-in task is no setting of a task, so it must not be laid upon the settings.
     let base = given.remove("base");
     let name = base.as_ref().and_then(|base| base.get_ref().as_str()).unwrap_or_default();
     // An unknown name is refused when the table is read, with its place.

@@ -120,7 +120,7 @@ impl Suspicion {
         problem: Problem<'_>,
         values: &[f64],
     ) -> Result<Option<Suspect>, Error> {
-        // A suspicion is only tried: one that this robot cannot have is no error of the fit.
+        // A suspicion is only tried: one that this robot cannot have does not stop the fit.
         let Ok(theta) = beside(setup, self.rules, self.numbers) else { return Ok(None) };
         // Fitted parameters begin where the fit ended, new ones at their start.
         let fitted = setup.theta.entries();
