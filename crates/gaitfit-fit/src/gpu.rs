@@ -122,6 +122,8 @@ impl<S: OnGpu + Send + Sync> GpuSimulator<S> {
     /// Whether candidates can be compared with `reference`: it is the first that was asked for, and of these recordings.
     fn compares(&self, reference: &Arc<Reference>) -> Result<bool, SimulatorError> {
         let mut gpu = self.gpu();
+        // The GPU keeps the measured side of one reference. Costs with another reference are compared on the
+        // CPU.
         if let Some(known) = &gpu.reference {
             return Ok(Arc::ptr_eq(known, reference));
         }
@@ -146,6 +148,7 @@ fn place(signal: Signal, joints: usize) -> usize {
         Signal::Position => 0,
         Signal::Velocity => joints,
         Signal::Action => 2 * joints,
+        // The joints' signals come first, with one dimension a joint. The base has three a signal.
         Signal::BasePosition => 3 * joints,
         Signal::BaseVelocity => 3 * joints + 3,
     }
@@ -195,9 +198,12 @@ fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
     for (recording, &end) in parts.ends.iter().enumerate() {
         let (length, end) = (reference.samples(recording), end as usize);
         falls += usize::from(end < length);
+        // Samples from a fall on are lost. Samples of the pre-roll never count, so a fall within it does not
+        // lose them.
         lost += length - end.max(skip).min(length);
     }
     let total = pieces.total(lost, |signal, column| parts.pieces[place(signal, joints) + column]);
+    // A simulation that diverged has no cost: the search ranks it last.
     Evaluation { cost: total.is_finite().then_some(total), falls }
 }
 
@@ -236,6 +242,7 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
                 rows.flat_map(|row| row[first..first + width].iter().copied()).collect()
             };
             let one = |signal: Signal| provided[signal as usize].then(|| matrix(signal));
+            // Every simulator makes positions and velocities. The other signals exist in walks alone.
             let (position, velocity) = (matrix(Signal::Position), matrix(Signal::Velocity));
             let (action, base_position) = (one(Signal::Action), one(Signal::BasePosition));
             let base_velocity = one(Signal::BaseVelocity);
@@ -303,6 +310,8 @@ impl<S: OnGpu + Send + Sync + 'static> Simulator for GpuSimulator<S> {
         for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
             evaluations[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
         }
+        // A batch that was cancelled may lack evaluations. So cancellation is asked for before they are
+        // counted.
         if cancel() {
             return Err(SimulatorError::Cancelled.into());
         }

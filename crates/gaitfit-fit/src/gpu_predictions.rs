@@ -61,6 +61,7 @@ mod with_cuda {
             let (walker, Readings { courses, tables }) = (&walking.task.walker, readings);
             let predictions = self.0.get_or_init(|| Predictions::new(gpu, walking.threads));
             let tables = tables.get_or_init(|| Arc::new(Tables::predict(walker, courses)));
+            // A prediction is compared by its joints alone, so the track has neither base nor actions.
             let pass = |job: usize, course: usize, tracks: Tracks<'_>| {
                 let (position, velocity) = tracks.joints();
                 consume(job, course, &Track { position, velocity, ..Track::default() });

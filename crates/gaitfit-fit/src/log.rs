@@ -45,6 +45,7 @@ pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
     // The extremes are enough: all others lie between them.
     let by = |a: &&Log, b: &&Log| lead_of_log(a).total_cmp(&lead_of_log(b));
     let (Some(first), Some(last)) = (logs.iter().min_by(by), logs.iter().max_by(by)) else { return Ok(None) };
+    // In a walk the delay counts from the rows, so leads that differ do no harm there.
     if !walks && lead_of_log(last) - lead_of_log(first) > SAME_LEAD_S {
         return Err(Error::failed(format!(
             "{}: its targets are stamped {:.2} ms after their rows, those of {} {:.2} ms: one delay cannot count from both. \
@@ -58,6 +59,7 @@ pub fn lead_note(logs: &[Log], walks: bool) -> Result<Option<String>, Error> {
     let lead = lead(logs.iter().map(|log| &log.trajectory));
     let spread =
         logs.iter().filter_map(|log| log.trajectory.lead).map(|lead| lead.spread).fold(0.0, f64::max);
+    // A training counts a delay from the rows, so a value from a replay must be converted for it.
     let counts = match walks {
         true => "a delay counts from the rows, and holds these".to_owned(),
         false => format!(

@@ -30,6 +30,7 @@ pub fn read(path: &Path, allowed: &[String]) -> Result<Trajectory, Error> {
             ))
         })
     };
+    // Names are checked first, so that a slip of the pen is told before the log is read.
     let config: Vec<FindingKind> = allowed.iter().map(kind).collect::<Result<_, _>>()?;
     let (log, report) = read_csv_report(path, &ReadOptions::default()).map_err(Error::failed)?;
     let mut findings = report.findings();

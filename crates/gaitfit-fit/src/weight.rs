@@ -32,6 +32,7 @@ fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
     for (number, body) in model.bodies.iter().enumerate() {
         let (weight, centre) = (gravity.map(|g| body.mass * g), frames[number].point(body.ipos));
         let mut carrier = Some(number);
+        // Every joint between this mass and the base carries it.
         while let Some(at) = carrier {
             for (joint, part) in model.joints.iter().enumerate().filter(|(_, joint)| joint.body == at) {
                 torques[joint] -= dot(part.axis_at(&frames[at]).lever(centre), weight);
@@ -61,6 +62,7 @@ impl Samples {
             return None;
         }
         let width = log.joints.len();
+        // The checks compute the robot's weight for every sample and joint, so only some samples are taken.
         let every = log.len().div_ceil(MAX_SAMPLES);
         let row = |sample: usize| {
             let at_sample = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
@@ -82,6 +84,7 @@ type Block = [f64; 4];
 /// within.
 fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) -> Vec<Block> {
     let length = (rows.len() as f64 * BLOCK_S / seconds).ceil().max(1.0) as usize;
+    // A smooth sign: below `SLIDES` the sign of a measured speed is mostly noise.
     let samples: Vec<Block> = rows.map(|(w, speed, x)| [w, speed, (speed / SLIDES).tanh(), x]).collect();
     samples
         .chunks(length)
@@ -136,6 +139,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     let width = model.joints.len();
     // `order` leads from the log's columns to the model's joints.
     let order: Vec<usize> = log.joints.iter().filter_map(|joint| model.find_joint(joint)).collect();
+    // The weight on a joint depends on all angles of the limb, so no joint may be missing.
     if log.joints.len() != width || order.len() != width {
         return Vec::new();
     }
@@ -144,9 +148,11 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         let mut angles = vec![0.0; width];
         order.iter().enumerate().for_each(|(at, &joint)| angles[joint] = q[at]);
         angles[order[column]] *= sign;
+        // A mirrored joint turns the other way, so its torque changes its sign as its angle does.
         sign * holding(model, &angles)[order[column]]
     };
     let mut joints = Vec::new();
+    // Without a position gain the distance to the target says nothing of the torque.
     for joint in (0..width).filter(|&joint| gains.kp[joint] > 0.0) {
         // Weight at the logged angles, and with this joint mirrored.
         let [weights, turned] = [1.0, -1.0]
@@ -156,6 +162,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
             let rows =
                 samples.rows.iter().zip(weights).map(|((_, dq, away), w)| (*w, dq[joint], away[joint]));
             let blocks = blocks(rows, samples.seconds);
+            // The regression is one of angles. Times the gain its residual is a torque, as `HEAVY` is.
             kp * (unexplained(&blocks, Some(kp)) / blocks.len().max(1) as f64).sqrt()
         };
         let (as_is, flipped) = (regressed(&weights), regressed(&turned));
@@ -213,6 +220,8 @@ pub fn order(log: &Trajectory, model: &Model) -> Order {
         if beyond(log, model, order) {
             return None;
         }
+        // NaN: the order is possible and has no measure. `is_finite` below leaves such orders out of the
+        // comparison.
         let Some(samples) = &samples else { return Some(f64::NAN) };
         Some(misfit(samples, model, order, &names))
     };
@@ -251,6 +260,8 @@ fn usual_orders(names: &[String]) -> Vec<Vec<usize>> {
     };
     let legs: Option<Vec<&str>> = names.iter().map(|name| leg(name)).collect();
     let Some(legs) = legs else { return Vec::new() };
+    // The orders differ in the sequence of legs, and in whether they go leg by leg. Types stay in the file's
+    // order.
     let mut kinds: Vec<String> = Vec::new();
     for name in names {
         let kind = kind(name);
@@ -275,6 +286,7 @@ fn usual_orders(names: &[String]) -> Vec<Vec<usize>> {
             .collect();
         orders.extend([by_leg, by_kind].into_iter().flatten());
     }
+    // A leg with two joints of one type would leave a column without a joint.
     orders.retain(|order: &Vec<usize>| order.len() == names.len());
     orders
 }
@@ -285,6 +297,7 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
         let Some([low, high]) = model.joints[joint].range else { return false };
         let values = log.column_at(Signal::Position, column).unwrap_or_default();
         let over = model.joints[joint].kind.like("rad", BEYOND);
+        // Single samples may overshoot a limit. An order is impossible only if many do.
         let outside = values.iter().filter(|q| **q < low - over || **q > high + over).count();
         outside as f64 > OFTEN * values.len() as f64
     })

@@ -21,6 +21,7 @@ pub fn brief(message: &str) -> Cow<'_, str> {
         return message;
     }
     let place = |number: usize| message.char_indices().nth(number).map_or(message.len(), |(place, _)| place);
+    // Cut between characters: a byte in the middle of one is no place to cut.
     let (head, tail) = (place(MAX - END), place(count - END));
     let left_out = count - MAX;
     Cow::Owned(format!("{} [… {left_out} characters left out …] {}", &message[..head], &message[tail..]))
@@ -77,6 +78,7 @@ fn fraction(digits: &str) -> Option<String> {
 fn scientific(significant: &str, exponent: i64) -> Option<String> {
     // A double is determined by 17 significant digits.
     const DOUBLE: usize = 17;
+    // No digits at all: the number was a row of zeros, which has no exponent.
     let first = significant.get(..1).filter(|_| significant.len() <= DOUBLE)?;
     let others = &significant[1..];
     let point = if others.is_empty() { "" } else { "." };

@@ -151,6 +151,7 @@ impl fmt::Display for Access {
 /// The first text in backquotes, if it is a setting's name.
 fn named_key(message: &str) -> Option<String> {
     let key = message.split('`').nth(1)?;
+    // Names of robots and files stand in backquotes too. A key has only these letters.
     let of_key =
         |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_.".contains(letter);
     (!key.is_empty() && key.chars().all(of_key)).then(|| key.to_owned())

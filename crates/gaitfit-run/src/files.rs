@@ -90,6 +90,7 @@ fn folder_of(path: &Path) -> &Path {
 /// Where a file is or will be, whatever names lead there.
 fn place(path: &Path) -> PathBuf {
     fs::canonicalize(path).unwrap_or_else(|_| {
+        // A file that does not exist yet has no canonical path, but its folder has one.
         let folder = fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_owned());
         path.file_name().map_or_else(|| folder.clone(), |name| folder.join(name))
     })
@@ -109,6 +110,7 @@ pub(crate) fn room(error: &io::Error) -> &'static str {
 pub(crate) fn no_pipe(path: &Path) -> io::Result<()> {
     match regular(path) {
         Err(error) if error.kind() == ErrorKind::InvalidInput => {
+            // The kind tells callers that something is in the place of the file.
             Err(io::Error::new(ErrorKind::AlreadyExists, error))
         }
         _ => Ok(()),
@@ -136,8 +138,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 /// Writes a file whole or not at all; `fill` writes what it holds, and flushes its own buffers.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), Error> {
     let whole = || -> io::Result<()> {
+        // In the same folder, because a rename is only atomic within one file system.
         let mut file = readable(&mut tempfile::Builder::new()).tempfile_in(folder_of(path))?;
         fill(file.as_file_mut())?;
+        // Before the rename: after a power failure the name must not lead to an empty file.
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;
         Ok(())

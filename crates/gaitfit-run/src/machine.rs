@@ -34,6 +34,7 @@ pub fn machine() -> Machine {
 pub use gaitfit_pool::threads;
 
 fn processor() -> String {
+    // Only Linux has this file. Elsewhere the name is empty.
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let line = text.lines().find(|line| line.starts_with("model name"));
     line.and_then(|line| line.split_once(':')).map(|(_, name)| name.trim().to_owned()).unwrap_or_default()

@@ -47,6 +47,7 @@ pub fn title(path: &Path) -> String {
     if stem.as_deref() != Path::new(POLICY).file_stem().map(|stem| stem.to_string_lossy()).as_deref() {
         return stem.unwrap_or_else(|| path.display().to_string());
     }
+    // Every training calls its file `policy`, so the folders of run and seed make the name.
     let above = path.parent().into_iter().flat_map(|seed| [seed.parent(), Some(seed)]);
     let named: Vec<String> = above.flatten().filter_map(part).collect();
     if named.is_empty() { "policy".to_owned() } else { named.join(", ") }
@@ -76,6 +77,7 @@ pub fn find(path: &Path) -> Result<PolicyFile, Error> {
     }
     let seeds = seeds(path);
     let at = |seed: u64| path.join(format!("seed-{seed}")).join(POLICY);
+    // A training that goes on or was interrupted has policies of its last checkpoints.
     match seeds[..] {
         [] => Err(none(path)),
         [one] => Ok(file(at(one))),
@@ -116,6 +118,7 @@ fn results(folder: &Path) -> Option<Outcome> {
 
 /// Seeds whose folders have a policy, in order.
 fn seeds(folder: &Path) -> Vec<u64> {
+    // Entries that cannot be read are left out, as if they were not there.
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().take(MAX_ENTRIES);
     let seed = |entry: std::fs::DirEntry| {
         let seed = entry.file_name().to_str()?.strip_prefix("seed-")?.parse().ok()?;

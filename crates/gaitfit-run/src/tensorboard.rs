@@ -64,6 +64,7 @@ impl EventFile {
         }
         let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         let length = file.metadata()?.len();
+        // A record that is torn hides all that follow, because nothing else says where the next one begins.
         let keep = whole_records(&file, length, last_step)?;
         file.set_len(keep)?;
         file.seek(SeekFrom::End(0))?;
@@ -82,6 +83,7 @@ impl EventFile {
         let value =
             |&(tag, value): &(&str, f64)| Value { tag: tag.to_owned(), simple_value: Some(value as f32) };
         let summary = Some(Summary { value: scalars.iter().map(value).collect() });
+        // Steps of TensorFlow's events are signed.
         let step = i64::try_from(step).unwrap_or(i64::MAX);
         self.append(&Event { wall_time, step, file_version: None, summary })
     }
@@ -94,6 +96,7 @@ impl EventFile {
 fn record(event: &Event) -> Vec<u8> {
     let payload = event.encode_to_vec();
     let length = (payload.len() as u64).to_le_bytes();
+    // `HEAD` and `TAIL` together.
     let mut record = Vec::with_capacity(payload.len() + 16);
     record.extend(length);
     record.extend(masked_crc(&length).to_le_bytes());
@@ -119,6 +122,7 @@ fn whole_records(file: &File, length: u64, last_step: Option<u64>) -> io::Result
     let first = first_record();
     let mut start = Vec::new();
     reader.by_ref().take(first.len() as u64).read_to_end(&mut start)?;
+    // A file of another program must not be cut. An empty or torn one is a beginning of the first record.
     if !event_file(&start) {
         let why = "no TensorBoard event file; move it away or write elsewhere";
         return Err(io::Error::new(ErrorKind::InvalidData, why));
@@ -127,6 +131,7 @@ fn whole_records(file: &File, length: u64, last_step: Option<u64>) -> io::Result
     let last_step = last_step.map_or(i64::MAX, |last| i64::try_from(last).unwrap_or(i64::MAX));
     let mut good = 0;
     while let Some((size, event)) = next(&mut reader, length - good)? {
+        // The first record has the version and no step. It stays whatever `last_step` is.
         if good > 0 && event.step > last_step {
             break;
         }
@@ -142,6 +147,7 @@ fn event_file(start: &[u8]) -> bool {
 
 /// The next record's size and content; `None` at the end and where it is torn.
 fn next(reader: &mut impl Read, rest: u64) -> io::Result<Option<(u64, Event)>> {
+    // Too short for any record: the end of the file, or a torn one.
     if rest < HEAD + TAIL {
         return Ok(None);
     }
@@ -149,6 +155,7 @@ fn next(reader: &mut impl Read, rest: u64) -> io::Result<Option<(u64, Event)>> {
     reader.read_exact(&mut head)?;
     let ([length], [crc]) = (head[..8].as_chunks().0, head[8..].as_chunks().0) else { return Ok(None) };
     let size = u64::from_le_bytes(*length);
+    // The size is checked before memory of this size is taken. `rest` is at least `HEAD + TAIL`, see above.
     if masked_crc(length) != u32::from_le_bytes(*crc) || size > MAX_BYTES || size > rest - HEAD - TAIL {
         return Ok(None);
     }

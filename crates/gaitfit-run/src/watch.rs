@@ -92,6 +92,7 @@ impl<'a> Watch<'a> {
 
     /// Whether the caller wants the stage to stop. Once it does, it stays so.
     pub fn stop(&self) -> bool {
+        // After a `Break` the callback is not asked again, so it need not remember its answer.
         if !self.stopped.load(Ordering::Relaxed) {
             self.tell(Event::Poll);
         }
@@ -109,8 +110,10 @@ impl<'a> Watch<'a> {
         let mut counting = None;
         let mut last = 0;
         work(&mut |done, total| {
+            // Work that never counts shows no progress bar.
             let counting =
                 counting.get_or_insert_with(|| self.begin(Work { what, total, first: 0, parts, seed: None }));
+            // A caller may count the same number twice to ask whether to stop.
             if done > last {
                 counting.step(done, done - last, "");
                 last = done;
@@ -141,6 +144,7 @@ impl<'a> Watch<'a> {
             let Ok(mut reported) = reported.try_lock() else { return };
             // Pieces and steps have different units: steps are what the user sees.
             let share = pieces_done.load(Ordering::Relaxed) as f64 / pieces.max(1) as f64;
+            // Pieces are announced as an estimate, so there may be more of them.
             let done = (total as f64 * share.min(1.0)) as usize;
             if done > reported.1 && reported.0.elapsed() >= STEP_EVERY {
                 counting.step(done, done - reported.1, "");

@@ -162,7 +162,9 @@ impl Error {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Run(error) => error.kind(),
+            // What a GPU refuses another device may do, so the choice of the device is wrong.
             Self::Refused(_) | Self::Spring(_) => ErrorKind::Settings,
+            // Other errors of a task are failures of the work.
             Self::Task(_) if self.is_of_task() => ErrorKind::Settings,
             Self::Missing(_) => ErrorKind::Missing,
             Self::In { source, .. } | Self::Advised { source, .. } => source.kind(),

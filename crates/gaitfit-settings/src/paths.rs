@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 /// then in the configuration's. One that is written elsewhere gets the whole path.
 pub fn named(file: &Path, out: &Path) -> String {
     let here = out.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder == Path::new("."));
+    // A file that does not exist yet has no whole path, and keeps the name that it was given.
     let whole = if here { None } else { std::fs::canonicalize(file).ok() };
     whole.as_deref().unwrap_or(file).display().to_string()
 }

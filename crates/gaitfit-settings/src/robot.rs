@@ -15,6 +15,7 @@ pub fn is_go2(model: &Model) -> bool {
     let Ok(go2) = gaitfit_model::builtin::go2() else { return false };
     let names = |model: &Model| -> Vec<String> {
         let mut names: Vec<_> = model.joints.iter().map(|joint| plain(&joint.name).to_owned()).collect();
+        // Files may list the joints in another order; it is the same robot.
         names.sort_unstable();
         names
     };
@@ -44,6 +45,7 @@ pub const GO2: &str = "unitree-go2";
 
 /// Whether `robot` is the name of the built-in Go2, and no file.
 pub fn is_built_in(robot: &Path) -> bool {
+    // A file or folder that happens to have this name is meant instead.
     robot == Path::new(GO2) && !robot.exists()
 }
 
@@ -70,6 +72,7 @@ pub fn joint_names(model: &Model) -> Vec<String> {
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    // Joint names become names of columns, which cannot hold every text.
     let unwritable = gaitfit_log::check_names(None, &names).err();
     let unwritable = unwritable.map(|error| format!("logs of this robot cannot be written: {error}"));
     changed.chain(model.warnings()).chain(unwritable).collect()
@@ -85,6 +88,7 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
     while let Some(path) = open.pop() {
         // A broken file is named by the reader of robots, not here.
         let Ok(text) = files::read_text(&path, files::MAX_BYTES) else { continue };
+        // Some robot files have a document type, which the parser refuses by default.
         let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
         let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
         let elements = || document.descendants().filter(roxmltree::Node::is_element);

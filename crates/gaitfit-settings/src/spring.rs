@@ -66,6 +66,7 @@ impl FromStr for Spring {
     type Err = SpringError;
 
     fn from_str(text: &str) -> Result<Self, SpringError> {
+        // The text may be long or hold control characters. `shown` cuts and escapes it.
         let wrong = || SpringError::Form(shown(text));
         let (joint, numbers) = text.split_once('=').ok_or_else(wrong)?;
         let (stiffness, rest) = match numbers.split_once('@') {
@@ -74,6 +75,7 @@ impl FromStr for Spring {
         };
         let number = |number: &str, what, min: f64, max: f64, unit| {
             let value: f64 = number.trim().parse().map_err(|_| wrong())?;
+            // NaN lies in no range, so it is refused too.
             if (min..=max).contains(&value) {
                 return Ok(value);
             }
@@ -124,8 +126,11 @@ impl Spring {
                 joints: joints.join(", "),
             });
         };
+        // A spring without an angle of its own is at rest where the robot stands.
         let rest = self.rest.or(home(index)).unwrap_or(0.0);
         let joint = &mut model.joints[index];
+        // The spring replaces one that the robot's file may have; both together would have another angle of
+        // rest.
         joint.stiffness = self.stiffness;
         joint.springref = rest;
         Ok(rest)

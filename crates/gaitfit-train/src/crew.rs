@@ -25,6 +25,7 @@ pub fn together<T: Send>(
     let results = Mutex::new(Vec::new());
     let worker = |worker: usize| {
         // Workers fetch the next name when they are free, so a short work does not wait for a long one.
+        // Relaxed is enough: the flag only asks to stop, and results are read after all threads have ended.
         while !failed.load(Ordering::Relaxed) {
             let number = next.fetch_add(1, Ordering::Relaxed);
             let Some(name) = names.get(number) else { break };
@@ -36,6 +37,7 @@ pub fn together<T: Send>(
         }
     };
     std::thread::scope(|scope| {
+        // At least one worker: with 0 jobs nothing would ever be done.
         for number in 0..jobs.min(names.len()).max(1) {
             let worker = &worker;
             scope.spawn(move || worker(number));

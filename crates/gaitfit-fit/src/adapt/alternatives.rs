@@ -49,7 +49,10 @@ pub fn alternatives(
 ) -> Result<Alternatives, Error> {
     let Method::Walk(walking) = method else { return Ok(Vec::new()) };
     let mut finer = config.clone();
+    // The error of an integrator shrinks with its step. So what half of the step changes shows how large the
+    // error is.
     finer.simulation.timestep *= 0.5;
+    // Step and solver are changed one at a time, so that each shift has one cause.
     let mut solver = config.clone();
     solver.simulation.preset = match config.simulation.preset {
         Preset::Fast => Preset::Accurate,

@@ -64,6 +64,7 @@ impl Audit {
         let mean = |measure: &dyn Fn(&Joint) -> f64| {
             stats::mean(&by_joint.iter().map(|(_, joint)| measure(joint)).collect::<Vec<_>>())
         };
+        // Sizes are averaged, because a correlation may have another sign on each joint.
         let sizes = (0..MOTIONS.len()).map(|motion| mean(&|joint| joint.correlations[motion].abs()));
         let known = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
         let (motion, size) = known.max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -134,6 +135,7 @@ impl Joint {
             return None;
         }
         sizes.sort_by(f64::total_cmp);
+        // The median is not moved by the few large errors of touchdowns; a standard deviation would be.
         let limit = LIMIT * sizes[sizes.len() / 2] / MEDIAN;
         let limited = |error: &f64| error.clamp(-limit, limit);
         let errors: Vec<f64> = series.iter().flat_map(|one| &one.errors).map(limited).collect();
@@ -155,6 +157,7 @@ impl Joint {
                 let column = DVector::from_iterator(count, motions.iter().map(|one| one[motion]));
                 let column = column.add_scalar(-column.mean());
                 let length = column.norm();
+                // A column that never changes has a length of rounding errors, which is not exactly 0.
                 (length > 1e-9 * (count as f64).sqrt()).then(|| column / length)
             })
             .collect();
@@ -182,8 +185,10 @@ fn explained(columns: &[&DVector<f64>], wanted: &DVector<f64>) -> f64 {
     });
     let right = DVector::from_iterator(entries, columns.iter().map(|column| column.dot(wanted)));
     let Some(cholesky) = matrix.cholesky() else { return 0.0 };
+    // The part lies between 0 and 1 but for rounding and for the 1e-9 above.
     let share = cholesky.solve(&right).dot(&right).clamp(0.0, 1.0);
     let count = wanted.len() as f64;
+    // The adjusted R² of pure noise is 0 on average, so it is often negative.
     (1.0 - (1.0 - share) * (count - 1.0) / (count - entries as f64 - 1.0)).max(0.0)
 }
 

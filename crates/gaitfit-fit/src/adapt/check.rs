@@ -59,6 +59,7 @@ fn evidence_of(doubts: &[Doubt], kind: DoubtKind) -> String {
 
 /// The checks that the configuration states.
 pub(super) fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &Score) -> Vec<Check> {
+    // All checks are about the fit whose θ is kept.
     let check = &setup.config.check;
     let mut checks = Vec::new();
     if check.better_than_nominal {

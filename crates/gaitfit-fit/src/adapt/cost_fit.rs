@@ -47,6 +47,7 @@ pub(super) fn fit(
     let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
     let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
+    // Doubts about the search come first, then those about the errors that remain.
     let mut doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
     let audit = audited(setup, cost, &values)?;
     doubts.extend(left.as_ref().and_then(Leftover::doubt));
@@ -79,6 +80,7 @@ pub(super) fn fit(
         }
         parameter
     };
+    // The prior of an entry, moved to the fitted strength and friction under load.
     let prior = |at: usize| {
         let mut prior = *setup.theta.prior(at)?;
         let fitted = |place: Option<usize>| {
@@ -97,6 +99,7 @@ pub(super) fn fit(
     };
     let mut parameters: Vec<Parameter> =
         (0..outcome.parameters.len()).map(|at| parameter(at, prior(at))).collect();
+    // What concerns several parameters, or all seeds, comes after the single intervals.
     widen_load_mass(&mut parameters);
     if outcome.uncertainty.is_some() && has(DoubtKind::NotConverged) {
         widen_to_seeds(&mut parameters);
@@ -163,6 +166,7 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
 /// seeds end at different values, the logs allow more than this interval contains.
 fn widen_to_seeds(parameters: &mut [Parameter]) {
     for parameter in parameters {
+        // Only the best seed is corrected. The same correction is assumed for the values of the others.
         let moved = parameter.found.value - parameter.found.uncorrected.unwrap_or(parameter.found.value);
         for value in parameter.found.per_run.clone() {
             parameter.reach(value + moved);
@@ -189,6 +193,7 @@ pub(super) fn beside(
     other: &CostOutcome,
 ) -> Result<Vec<Agreement>, Error> {
     let cost_of = |name: &str| {
+        // Both outcomes are of costs of this setup, so the name is always there.
         let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
         move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
             let jobs: Vec<Job> =

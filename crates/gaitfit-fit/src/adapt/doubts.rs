@@ -154,6 +154,7 @@ fn regressed(fit: &CostFit) -> Option<String> {
     let regression = fit.regression.as_ref()?;
     let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
     let robots = regression.robots;
+    // A regression whose values are not taken still gives the intervals.
     let mut text = if regression.taken {
         format!(
             "the values are corrected by the logs of {robots} simulated robots whose values are known: {}. Before, {} was \
@@ -220,6 +221,8 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let estimate = &parameter.found;
             let min = (MOVED.0 * estimate.value.abs()).max(MOVED.1 * (estimate.upper - estimate.lower));
+            // A value that the logs do not identify moves with every change of the simulator. This says
+            // nothing of the simulator.
             let flat = parameter.identified == Some(false);
             (by.abs() > min && !flat).then(|| {
                 format!(

@@ -92,6 +92,7 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     let estimate =
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let estimates: Vec<Found> = results.parameters.iter().map(estimate).collect();
+    // Trainings read this file, and refuse a fit that walks contradict.
     let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
@@ -101,6 +102,7 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     };
     for saved in &mut file.parameter {
         if let Some(known) = results.parameters.iter().find(|known| known.found.name == saved.name) {
+            // An interval without an end says nothing, so it is left out.
             saved.interval = known.interval.filter(|ends| ends.iter().all(|end| end.is_finite()));
             saved.identified = known.identified;
         }

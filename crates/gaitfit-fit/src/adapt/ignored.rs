@@ -23,6 +23,7 @@ pub(super) fn ignored(setup: &Setup) -> Option<String> {
 /// Settings of CMA-ES that are not the defaults.
 fn changed(config: &AdaptConfig) -> Vec<&'static str> {
     let (chosen, default) = (&config.optimizer, OptimizerConfig::default());
+    // Generations, seeds and tolerance count for both searches, so they are not in this list.
     let settings = [
         ("optimizer.population", chosen.population != default.population),
         ("optimizer.patience", chosen.patience != default.patience),

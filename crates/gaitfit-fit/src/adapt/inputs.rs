@@ -90,6 +90,7 @@ pub fn method(
     base: &Candidate,
     threads: Option<usize>,
 ) -> Result<Method, Error> {
+    // 0 in the settings means as many threads as the machine has.
     let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
     let threads = threads.unwrap_or_else(machine::threads);
     Ok(match policy {
@@ -185,6 +186,7 @@ pub fn validation(
     match method {
         Method::Replay(clamped) => {
             let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
+            // Logs of different rates cannot be replayed together, so each is a set of its own.
             let sets = logs.into_iter().map(|log| vec![log]).collect();
             Ok(ValidationLogs { sets, doubts, falling: Falling::default() })
         }

@@ -44,6 +44,7 @@ pub fn priors(
         .collect();
     let possible =
         |one: &SwingNumber| !impossible.iter().any(|bad| !one.joints.is_empty() && bad.joints == one.joints);
+    // An entry takes the first possible estimate that covers all its joints.
     for entry in theta.entries() {
         let measurement = measured.iter().filter(|one| possible(one)).find(|one| {
             let Estimate { value, error } = one.estimate;

@@ -92,6 +92,7 @@ where
         saved.get("optimizer").and_then(|table| table.get("max_seconds")).and_then(toml::Value::as_float)
     });
     let limit = setup.config.optimizer.max_seconds;
+    // With the same limit, a result that was cut short is what was asked for.
     let is_same = limit > 0.0 && before == Some(limit);
     if is_same || !results.fits.iter().any(cut_short) {
         return Ok(());

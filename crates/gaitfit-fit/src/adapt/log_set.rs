@@ -46,6 +46,8 @@ impl LogSet {
         if starts < 2 {
             return Ok(None);
         }
+        // All logs come once before any comes again: the simulator starts the first `logs.len()` where their
+        // robots did.
         let copies = vec![logs; starts].concat();
         let simulator = method.searched(config, base.clone(), logs)?;
         Self::simulated_by(simulator, config, method, copies).map(Some)
@@ -71,6 +73,7 @@ impl LogSet {
             |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
         let reference = || -> Result<Reference, CostError> {
             let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
+            // The angle of a wheel depends on how far it has rolled, so it is not compared.
             Ok(Reference::new(joints.clone(), &recorded, skip)?.without_angles(wheels(&logs)))
         };
         let reference = reference().map_err(|error| incomparable(&logs, &error))?;

@@ -116,6 +116,7 @@ impl Method {
         once: usize,
     ) -> Result<Box<SharedSimulator>, Error> {
         Ok(match self {
+            // Settings refuse several starts for a clamped robot, so here all logs are to start as they did.
             Self::Replay(_) => self.simulator(base, logs)?,
             Self::Walk(walking) => {
                 let simulator = walking.simulator(base, logs).with_starts_near(once);
@@ -127,6 +128,7 @@ impl Method {
     /// Samples of `logs` that make up `seconds`.
     pub fn samples(&self, seconds: f64, logs: &[Log]) -> usize {
         let period = match self {
+            // The slowest log counts, so that the same number of samples is never longer than `seconds`.
             Self::Replay(_) => logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max),
             Self::Walk(walking) => walking.task.walker.interface.control_dt,
         };

@@ -88,6 +88,7 @@ pub(super) fn find(
     })?;
     let mut odd = compare(setup, &theta, &outcome);
     odd.wall_seconds = begun.elapsed().as_secs_f64();
+    // Kept, so that a fit that is interrupted later does not compare the joints again.
     folder.write_json(FILE, &Saved { inputs: inputs.clone(), found: odd.clone() })?;
     Ok(odd)
 }
@@ -95,6 +96,8 @@ pub(super) fn find(
 /// Fits `theta` by least squares from its start, with the first cost.
 fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, FitError> {
     let mut options = setup.options.clone();
+    // This fit only chooses joints; the fit proper repeats the search with all seeds. So one seed and coarse
+    // steps suffice.
     options.seeds.truncate(1);
     options.tolerance = options.tolerance.max(TOLERANCE);
     let simulator = setup.fit.simulator.as_ref();
@@ -207,6 +210,7 @@ impl OddJoints {
 impl Setup {
     /// Gives the fit proper springs on the joints that are odd.
     pub(super) fn take(&mut self, odd: &OddJoints) -> Result<(), Error> {
+        // θ is built anew from the settings, so a second call does not add springs a second time.
         if !odd.odd.is_empty() {
             self.theta = self.with_springs(&odd.odd)?;
         }

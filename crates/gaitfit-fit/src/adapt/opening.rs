@@ -65,8 +65,10 @@ impl<'a> Opening<'a> {
             Err(error) => error,
             opened => return opened,
         };
+        // The CPU stands in only where `auto` chose the GPU. One that was asked for must do the fit.
         let Some(note) = self.devices.instead(&error) else { return Err(error) };
         let mut setup = read(&Device::Cpu.into())?;
+        // First, because it explains why the CPU simulates although there is a GPU.
         setup.warnings.insert(0, note);
         Ok(setup)
     }

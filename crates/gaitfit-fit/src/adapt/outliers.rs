@@ -17,6 +17,7 @@ pub(super) fn doubt(errors: &[(String, f64)]) -> Option<Doubt> {
         others.sort_by(f64::total_cmp);
         others.get(others.len() / 2).copied()
     };
+    // Both limits are needed: between errors that are all tiny, a ratio says nothing.
     let stands_out = |(at, (name, error)): (usize, &(String, f64))| {
         let usual = usual(at)?;
         (*error > MIN_RAD && *error > TIMES * usual).then(|| {

@@ -56,6 +56,7 @@ impl Parameter {
         let Some([lower, upper]) = self.interval else { return };
         let value = self.found.value;
         self.take([
+            // Squares of independent errors add.
             (value - (value - lower).hypot(reach)).max(self.found.lower),
             (value + (upper - value).hypot(reach)).min(self.found.upper),
         ]);

@@ -57,6 +57,8 @@ impl Setup {
         if let Some(policy) = &policy {
             rest = rest_angles(policy, &model).map_err(in_robot)?;
             feet = Some(walking::feet(&config, policy, &model).map_err(in_robot)?);
+            // `stated` has what the user wrote. Only settings that the user left open may follow the robot's
+            // size.
             set_walk_defaults(&mut config, stated, policy, &model, &joints, feet)?;
         }
         let mut theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
@@ -85,6 +87,7 @@ impl Setup {
         let (numbers, notes) =
             what_logs_show(&mut config, swings.as_ref(), &method, &theta, &base, &joints, feet);
         warnings.extend(notes);
+        // Built a second time, because remedies may have added parameters to the settings.
         theta = config.rules().theta(&config.groups(&joints), &joints, &rest).map_err(in_file)?;
         // The folder keeps them, as it keeps the defaults.
         config.prior = known::priors(&theta, &numbers, &config.prior);
@@ -93,6 +96,7 @@ impl Setup {
             if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
         let falling = logs.falling;
+        // Every set gets the falls of all logs, because all logs are of one robot.
         let several =
             LogSet::from_several_starts(&config, &method, &base, &logs.fit)?.map(|set| set.of_robot(falling));
         let fit = LogSet::new(&config, &method, &base, logs.fit)?.of_robot(falling);
@@ -126,6 +130,7 @@ impl Setup {
             shares: None,
             limit: None,
         };
+        // Whether draws decide over falls is known only here: it depends on θ, the base robot and the starts.
         setup.options.falls.random = setup.has_draws();
         setup.warnings.extend(constant(&setup.fit));
         setup.warnings.extend(ignored(&setup));
@@ -303,6 +308,7 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
             warnings.push(format!("[{table}] has `{name}`, which is not fitted"));
         }
     }
+    // A pattern that matches nothing may be a slip of the pen: its logs keep the gains that they state.
     for entry in &config.validate_gains {
         let mut used = false;
         for log in validate.iter().flatten() {

@@ -93,6 +93,8 @@ impl Replicas {
         question: &Question,
         number: u32,
     ) -> Result<Comparison, Failure> {
+        // In another process nobody watches the progress. The watch only passes on the question whether to
+        // stop.
         let callback = |_: Event<'_>| match (problem.cancel)() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
@@ -108,6 +110,7 @@ impl Replicas {
     fn replicate(&self, setup: &Setup, cost: usize, recorded: &[Recorded]) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = setup;
         let margin = method.samples(config.fall_margin(), &fit.logs);
+        // A simulated log must be as long as a stretch of a real log that counts.
         let min = method.samples(config.min_stretch() + config.skip_seconds(), &fit.logs);
         let mut logs = Vec::with_capacity(recorded.len());
         for (log, recorded) in fit.logs.iter().zip(recorded) {
@@ -116,6 +119,7 @@ impl Replicas {
             }
         }
         let count = fit.logs.len();
+        // With most logs missing, the set no longer stands for the commands of the fit's logs.
         if (logs.len() as f64) < WALKED * count as f64 {
             let fell = count - logs.len();
             return Err(format!("The simulated robot falls in {fell} of {count} logs."));
@@ -141,6 +145,7 @@ struct Robots<'a> {
 impl World for Robots<'_> {
     fn shares(&self, entry: &Entry) -> bool {
         let (fitted, robot) = (self.setup.method.physics_step(), self.replicas.recorder.physics_step());
+        // 1e-6 is rounding of steps that are computed as a period over a whole number.
         !entry.depends_on_step() || fitted.is_some_and(|fitted| (fitted / robot - 1.0).abs() < 1e-6)
     }
 
@@ -162,6 +167,7 @@ impl World for Robots<'_> {
         let sets = pool::map(recorded.len(), setup.fit.simulator.threads(), |set| {
             replicas.replicate(setup, cost, &recorded[set])
         });
+        // Counted here and not by the threads, because `made` is a cell of this thread.
         sets.iter().for_each(|_| self.notify());
         sets.into_iter().collect()
     }

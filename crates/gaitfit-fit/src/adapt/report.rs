@@ -131,6 +131,7 @@ fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
     let rows = setup.fit.logs.iter().filter_map(|log| log.trajectory.command.as_ref());
     let commands: Vec<[f64; 3]> =
         rows.flat_map(|rows| rows.chunks_exact(3)).map(|row| [row[0], row[1], row[2]]).collect();
+    // At least 1: logs without commands would ask for a step of 0, with which `step_by` panics.
     let step = commands.len().div_ceil(MAX_COMMANDS).max(1);
     Some(LogSummary {
         source: format!("{} logs", results.trajectories),
@@ -176,6 +177,7 @@ fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<Optimi
 
 fn parameter(parameter: &Parameter) -> Shown {
     let estimate = &parameter.found;
+    // A value at a bound is at the nearer one.
     let bound = if estimate.value - estimate.lower < estimate.upper - estimate.value {
         Bound::Lower
     } else {
@@ -248,6 +250,7 @@ fn warnings(setup: &Setup, results: &AdaptResults) -> Vec<String> {
             doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)),
         );
     }
+    // Warnings of the setup are about inputs. They come after those about the fit itself.
     for of_inputs in [false, true] {
         let about = results.warnings.iter().filter(|one| setup.warnings.contains(one) == of_inputs);
         warnings.extend(about.cloned());

@@ -167,6 +167,7 @@ pub(super) fn results(
 ) -> Result<AdaptResults, Error> {
     let Searched { outcomes, course, odd_joints, seconds: wall_seconds } = searched;
     let begun = Instant::now();
+    // First the values: corrected, with intervals and with the doubts of each cost by itself.
     let (mut fits, uncorrected) = cost_fits(setup, outcomes, course, folder, watch)?;
     // Doubts of one cost about another come only when all are known.
     standing::reconcile(&mut fits);
@@ -187,6 +188,7 @@ pub(super) fn results(
         let stopped = "interrupted while the result was checked; --resume continues";
         if watch.stop() { Err(Error::interrupted(stopped, folder.path())) } else { Ok(()) }
     };
+    // Then how the fitted robot predicts, beside simpler predictors and logs that were not fitted.
     let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
         robot.simulate(set.simulator.as_ref(), given)
     })?;
@@ -198,6 +200,7 @@ pub(super) fn results(
     }
     let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
     checked(2)?;
+    // All that speaks against the fit becomes one list of doubts, by which the result is judged.
     let evidence = Evidence {
         fitted: &fitted,
         baselines: &baselines,
@@ -216,6 +219,7 @@ pub(super) fn results(
     );
     // A stable sort: within one kind the order above stays.
     doubts.sort_by_key(|doubt| doubt.kind);
+    // Nothing touches a leg in the air, so these estimates check the values without any contact.
     let beside_swings = swings
         .as_ref()
         .map_or_else(Vec::new, |findings| swing::compared(setup, findings, &setup.theta, &first.parameters));
@@ -286,6 +290,7 @@ fn cost_fits(
         }
         uncorrected.extend(warning);
         let noise_alone = outcome.uncertainty.is_some();
+        // What remains in the errors is examined first, because it widens the intervals of the fit.
         let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
         // What was cut short is no failure.
         let left = left.map_err(|error| match watch.stop() {
@@ -302,6 +307,7 @@ fn cost_fits(
     }
     // A joint that is much worse than the others shows only where samples are compared one by one.
     if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
+        // The kept θ is the first cost's, so only its doubts get this one.
         let (values, given) = (fit.values(), setup.config.costs[0].given());
         let robot = Robot { theta: &setup.theta, values: &values };
         fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {

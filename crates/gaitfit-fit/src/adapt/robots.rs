@@ -56,6 +56,7 @@ pub fn correct(
         parts: "robots",
         seed: None,
     });
+    // Counted in samples of the simulated logs, which are at the policy's rate.
     let settling = (SETTLING_S / replicas.recorder().period()).round() as usize;
     let distributions = Distributions::new(&setup.fit.reference, settling);
     let seed = setup.config.optimizer.seed;
@@ -92,6 +93,7 @@ impl Walks for World<'_> {
             if let Some(slot) = per_robot.lock().unwrap_or_else(PoisonError::into_inner).get_mut(robot) {
                 *slot = numbers;
             }
+            // Relaxed is enough: the number is for the progress bar alone.
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
         };
         let (recorder, theta) = (self.replicas.recorder(), &self.setup.theta);

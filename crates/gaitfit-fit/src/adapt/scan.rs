@@ -69,6 +69,7 @@ impl Simulator for Scan<'_> {
         }
         let counting = self.counting(rollouts.len());
         let done = AtomicUsize::new(0);
+        // Both progress displays are told: this bar, and whoever asked for the views.
         let notify = || {
             counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
             notify();

@@ -158,6 +158,8 @@ pub(super) fn validation(
         let (fitted, plain) = (fitted(set)?, nominal(set)?);
         let (errors, nominal) = (rmse_of(set, &fitted), rmse_of(set, &plain));
         for (number, log) in set.logs.iter().enumerate() {
+            // A subset keeps the scaling of the whole set, so costs of single logs can be compared with one
+            // another.
             let alone = cost.as_ref().and_then(|cost| cost.subset(&[number]));
             let one = |predicted: &[Predicted]| {
                 cost_of(alone.as_deref()?, std::slice::from_ref(predicted.get(number)?))

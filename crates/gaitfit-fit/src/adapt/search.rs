@@ -179,6 +179,8 @@ fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(F
     }
     let generation = saved.fit.generation;
     let fit = Fit::resume(simulator, theta, costs, options, saved.fit).map_err(Error::failed)?;
+    // Metrics are written every generation, checkpoints more seldom. So the file may be ahead of the
+    // checkpoint.
     let metrics = folder.read(METRICS)?.unwrap_or_default();
     // Generations after the checkpoint are done again.
     let kept = metrics.lines().filter(|line| {

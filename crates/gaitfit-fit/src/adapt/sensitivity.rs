@@ -134,6 +134,7 @@ pub fn sensitivity(
             "the simulation of these values diverges: give others with --theta, or a smaller simulation.timestep",
         )
     })?;
+    // Logs that are fitted together share one rate.
     let dt = setup.fit.logs.first().map_or(0.0, |log| log.trajectory.dt());
     Ok(SensitivityResults {
         robot: setup.method.model().name.clone(),

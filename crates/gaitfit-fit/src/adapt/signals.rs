@@ -56,6 +56,7 @@ pub fn distributions(
         .collect();
     let distribution = |number: usize| {
         let (joint, (signal, shown)) = shown[number];
+        // All logs are pooled: a distribution needs no order in time.
         let measured = logs.iter().filter_map(|log| log.trajectory.column_at(signal, joint));
         let measured: Vec<f64> = measured.flatten().collect();
         let samples = |simulated: &[Predicted]| -> Vec<f64> {

@@ -48,6 +48,8 @@ impl FoundSpring {
             Some([value - half, value + half])
         };
         let stiffness_interval = around(spring.stiffness, draws.clone().map(|one| one.stiffness).collect());
+        // The angle of rest is a torque divided by the stiffness. Where the stiffness may be 0, the angle may
+        // be anything.
         let sure = match stiffness_interval {
             Some([low, high]) => low > 0.0 || high < 0.0,
             None => spring.stiffness != 0.0,
@@ -88,6 +90,7 @@ impl AdaptResults {
     /// Sentences about the springs of the fit.
     pub fn springs_in_words(&self) -> Vec<String> {
         if let Some(odd) = &self.odd_joints {
+            // Where no spring is found, a joint that is predicted far worse is the better answer.
             let stands_out = self.fits.first().and_then(|fit| outliers::sentence(&fit.doubts));
             if let Some(sentence) = stands_out.filter(|_| odd.odd.is_empty()) {
                 return vec![sentence];

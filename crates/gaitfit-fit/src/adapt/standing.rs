@@ -87,6 +87,7 @@ pub fn refusal(doubts: &[Doubt]) -> Option<String> {
     let refused = [DoubtKind::Trivial, DoubtKind::Falls, DoubtKind::WorseThanNominal, DoubtKind::Misfit];
     let mut kinds: Vec<DoubtKind> = doubts.iter().map(|doubt| doubt.kind).collect();
     kinds.retain(|kind| refused.contains(kind));
+    // `doubts` are sorted by kind, so equal kinds are neighbours.
     kinds.dedup();
     let names: Vec<String> = kinds.iter().map(|kind| kind.headline().to_lowercase()).collect();
     (!names.is_empty()).then(|| format!("do not use this fit: {}", names.join(", ")))
@@ -142,6 +143,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
             100.0 * noise / effort
         ));
     }
+    // Noise does not depend on the motion. Errors that do come from an effect that the model lacks.
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.explained > GOES_WITH) {
         reasons.push(format!(
             "{:.0} % of the variance of its errors depend on the motion ({:.0} % at {}), most on {}.",
@@ -157,6 +159,7 @@ fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
             ));
         }
     }
+    // Noise of one sample does not depend on the noise of the sample before.
     if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
         reasons.push(format!(
             "Its errors have a correlation of {:.2} with those a sample before.",
@@ -183,6 +186,7 @@ fn missing(parameters: &[Parameter]) -> &'static str {
 /// Factor on the sides of the intervals of a fit whose errors go with what the robot does.
 pub(super) fn widening(audit: &Audit) -> f64 {
     let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
+    // The square of a correlation is a part of the variance, as `explained` is. So both can be compared.
     let remembers = if audit.memory.abs() > REMEMBERS { audit.memory * audit.memory } else { 0.0 };
     1.0 + WIDER * goes_with.max(remembers).sqrt()
 }
@@ -282,6 +286,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
 /// [`wants_nothing`].
 pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
     let estimate = &parameter.found;
+    // `at_bound` does not say which bound it is: it is the nearer one.
     let upper = estimate.value - estimate.lower >= estimate.upper - estimate.value;
     estimate.at_bound && (upper || estimate.lower != 0.0)
 }

@@ -164,6 +164,7 @@ fn trusted(
     watch: &Watch<'_>,
 ) -> Result<Option<String>, FitError> {
     // Without progress lines: the correction shows its own.
+    // Least squares compares samples, so each log is simulated once: `fit` and the searched set are the same.
     let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
     let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
     if let Some(why) = replicas.and_then(|_| cut_short(outcome)) {

@@ -167,6 +167,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let several = held_out.as_ref().filter(|_| kind == CostKind::Wass);
     let (cost, nominal_cost) =
         several.map_or((cost, nominal_cost), |held_out| (held_out.cost, held_out.nominal_cost));
+    // The headline depends on the other results, so it is filled in below.
     let mut results = ValidateResults {
         theta: request.theta.clone(),
         robot: method.model().name.clone(),

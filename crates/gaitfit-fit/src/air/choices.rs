@@ -24,6 +24,7 @@ pub fn max_friction(model: &Model, kind: JointKind) -> f64 {
     let efforts = (0..model.joints.len()).filter(of_kind).filter_map(|joint| model.effort(joint));
     let largest = efforts.filter(|effort| effort.is_finite()).fold(0.0, f64::max);
     let bound = (FRICTION_SHARE * largest).max(kind.like("N·m", MIN_FRICTION_NM));
+    // One digit: the bound is a guess, and users read it in a configuration.
     let digit = 10_f64.powf(bound.log10().floor());
     twice_file(model, kind, |joint| joint.frictionloss).max((bound / digit).round() * digit)
 }

@@ -73,6 +73,8 @@ impl Clamped {
             )));
         }
         let lead = log::lead(logs.iter().map(|log| &log.trajectory));
+        // A delay counts from the stamp of a target. With a lead the target acts later after its row by as
+        // much.
         let max_delay = self.max_delay + lead.max(0.0);
         let options = ReplayOptions { substeps, preset: self.preset, max_delay, isa: None };
         let recordings =

@@ -25,6 +25,8 @@ pub fn read(
     override_gains: &[FileGains],
 ) -> Result<(Log, Vec<String>), Error> {
     let path = paths::find(named, "log", config_path)?;
+    // Gains come from `validate_gains`, from the log, or from [gains], in this order. The last ones need a
+    // second reading.
     let gains = matching(override_gains, named, &path)?;
     // Gains that the configuration states for this log win over the log's own.
     let options =

@@ -73,6 +73,7 @@ pub fn of_logs(policy: &Policy, model: &Model, logs: &[&Trajectory]) -> Option<D
     }
     // The search compares few samples, for speed. The verdict takes more.
     // Measured on the same samples, so that both numbers can be compared.
+    // Ten times the samples: of many arrangements the best one on few samples is partly best by chance.
     let [before, after] = [&Arrangement::new(&policy.interface), &best].map(|one| measure(one, 10 * samples));
     (after < FITS && after < CLEARLY * before).then_some(Diagnosis {
         changes: best.changes,
@@ -175,6 +176,7 @@ pub fn match_log(policy: &Policy, name: &str, model: &Model, path: &Path) -> Res
     let failed = |error: gaitfit_log::LogError| Error::failed(format!("{shown}: {error}"));
     let log = rate::to_control(&log, policy.interface.control_dt).map_err(failed)?.trajectory;
     let policy_match = policy_check::check(policy, &[&log]);
+    // The search takes long. It is only made where the actions do not follow and enough of them are there.
     let diagnosis = if policy_match.agrees() || !policy_match.is_enough() {
         None
     } else {

@@ -176,6 +176,7 @@ impl Arrangement {
             });
             return;
         }
+        // A joint that turns the other way is also measured the other way.
         let measured = [Quantity::JointPosition, Quantity::JointVelocity];
         for term in self.interface.observation.iter_mut().filter(|term| measured.contains(&term.quantity)) {
             let old = |joint: usize| match term.scale[..] {

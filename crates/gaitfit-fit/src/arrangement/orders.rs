@@ -27,6 +27,7 @@ impl Limbs {
         file.sort_by_key(|&place| joints[place]);
         let mut limbs: Vec<(usize, Vec<usize>)> = Vec::new();
         for &place in &file {
+            // Joints whose ways from the base begin with the same joint are one limb.
             let first = path(model, model.joints[joints[place]].body).first().copied().unwrap_or_default();
             match limbs.iter_mut().find(|(root, _)| *root == first) {
                 Some((_, limb)) => limb.push(place),
@@ -35,6 +36,7 @@ impl Limbs {
         }
         let depth = |place: usize| path(model, model.joints[joints[place]].body).len();
         let mut limbs: Vec<Vec<usize>> = limbs.into_iter().map(|(_, limb)| limb).collect();
+        // The sort is stable, so joints on one body stay in the file's order.
         limbs.iter_mut().for_each(|limb| limb.sort_by_key(|&place| depth(place)));
         let mut breadth_first = file.clone();
         breadth_first.sort_by_key(|&place| depth(place));
@@ -119,6 +121,8 @@ impl Limbs {
         let limb = &self.limbs[limb];
         let first = &self.names[limb[0]];
         let parts = first.split('_').collect::<Vec<_>>();
+        // The longest common beginning comes first, so `FL_front_hip` and `FL_front_knee` are called
+        // `FL_front`.
         let shared = (1..parts.len())
             .rev()
             .map(|count| parts[..count].join("_"))

@@ -38,6 +38,7 @@ pub(super) fn search(
         let mut ranked: Vec<(Arrangement, f64)> =
             // Arrangements that are no policy of this robot have no measure.
             tried.into_iter().zip(measured).filter(|(_, value)| value.is_finite()).collect();
+        // The sort is stable: of arrangements that fit alike, the one that was tried first is taken.
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         ranked.truncate(FOLLOWED);
         let Some((arrangement, value)) = ranked.first() else { break };

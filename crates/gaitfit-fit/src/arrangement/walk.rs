@@ -54,6 +54,8 @@ pub fn of_walk(world: &World, seed: u64, threads: usize, watch: &Watch<'_>) -> O
     };
     let none = |_: &Arrangement| Vec::new();
     let (best, measure) = search(&policy.interface, &limbs, [false, true], ENOUGH, &measure, &none);
+    // The search takes the best of very many. Only a measure that is good by itself shows that the robot
+    // walks.
     let is_right = measure[1] < WALKS && measure[1] < CLEARLY * measure[0];
     (!best.changes.is_empty() && is_right).then_some(Diagnosis {
         changes: best.changes,

@@ -103,6 +103,7 @@ fn config(settings: &ViewSettings) -> Result<(AdaptConfig, PathBuf), Error> {
     let beside = settings.theta.as_ref().map(|theta| theta.with_file_name("config.toml"));
     let path = settings.config.clone().or(beside.filter(|path| path.is_file()));
     let mut set = settings.set.clone();
+    // After the user's own changes, because the last one of a key wins: an option names a file more directly.
     for (key, file) in [("robot", &settings.robot), ("policy", &settings.policy)] {
         let value = file.as_ref().map(|file| toml::Value::from(file.display().to_string()));
         set.extend(value.map(|value| format!("{key}={value}")));
@@ -124,6 +125,7 @@ fn part(settings: &ViewSettings, shown: &Shown) -> Result<std::ops::Range<usize>
     let time = &shown.log.time;
     let start = time.first().copied().unwrap_or_default() + settings.from_s;
     let end = start + settings.seconds.unwrap_or(SHOWN_S);
+    // Times of a log rise, so both ends can be searched by halves.
     let rows = time.partition_point(|t| *t < start)..time.partition_point(|t| *t <= end);
     if rows.len() < 2 {
         return Err(Error::settings(format!(
@@ -188,6 +190,7 @@ fn page(settings: &ViewSettings, shown: Shown, rows: std::ops::Range<usize>) -> 
 
 /// How far simulated joints are from measured ones, rad: see [`Viewed::distance_rad`].
 fn distance(aligned: bool, simulated: &[f64], measured: &[f64], width: usize) -> Option<f64> {
+    // A walk and its simulation drift out of phase, so only their distributions can be compared.
     let distance = if aligned {
         let squares = simulated.iter().zip(measured).map(|(a, b)| (a - b).powi(2));
         (squares.sum::<f64>() / simulated.len() as f64).sqrt()
@@ -298,6 +301,7 @@ fn traces(shown: &Shown, rows: &std::ops::Range<usize>) -> Vec<JointTrace> {
         measured: column(&shown.log.position, joint),
         fitted: positions(&shown.fitted, joint),
         nominal: positions(&shown.nominal, joint),
+        // The target of a wheel is a velocity, which has no place beside its angle.
         target: (shown.log.target.as_deref().filter(|_| !shown.log.has_velocity_target(joint)))
             .map(|target| column(target, joint))
             .unwrap_or_default(),

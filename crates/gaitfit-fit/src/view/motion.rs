@@ -91,6 +91,7 @@ impl Motion {
 
     /// Velocity about a row: forward and left, m/s, and yaw rate, rad/s, in the base's heading frame.
     fn velocity(&self, row: usize) -> Vec3 {
+        // At least one row to each side: otherwise a slow log would have no difference.
         let reach = (0.5 * AVERAGED_S / self.dt).round().max(1.0) as usize;
         let (from, to) = (row.saturating_sub(reach), (row + reach).min(self.position.len() - 1));
         let seconds = self.dt * (to - from).max(1) as f64;

@@ -96,6 +96,7 @@ fn log_alone(
     warnings.extend(
         findings.iter().filter(|one| one.severity == gaitfit_log::Severity::Error).map(ToString::to_string),
     );
+    // Frames are drawn at even times, so lost rows are filled.
     let log = log.regular().map_err(|error| Error::failed(format!("{}: {error}", settings.log.display())))?;
     Ok(Robots::LogAlone(Box::new(Shown {
         name: settings.log.display().to_string(),

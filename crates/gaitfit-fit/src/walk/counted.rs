@@ -51,6 +51,7 @@ pub(super) fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<
     let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
     let Regular { trajectory, filled, .. } =
         rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
+    // A stretch is called by its start, so that a user finds it in the log.
     let name = if whole {
         read.file.name.clone()
     } else {
@@ -87,6 +88,7 @@ pub(super) fn enough(
     cuts: &[Cut],
 ) -> Result<(), Error> {
     let skipped = config.skip_seconds();
+    // The first part of each stretch is not compared, so it is no data.
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
         Purpose::Fit => MIN_S,
@@ -109,6 +111,7 @@ pub(super) fn enough(
             cuts.first().map_or("", |cut| &cut.reason)
         )
     } else {
+        // The message names everything that took data away.
         let mut because = if down > 0.0 {
             format!(" ({down:.1} s of falls or of a robot that hangs are cut)")
         } else {

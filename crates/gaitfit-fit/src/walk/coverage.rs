@@ -89,6 +89,7 @@ impl Coverage {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let missing = self.uncovered();
+        // Combinations of commands are worth a word only where every range is covered.
         if !missing.is_empty() {
             warnings.push(format!(
                 "the logs do not cover the policy's commands: {}; the fit is unchecked there: record these next time",
@@ -174,6 +175,7 @@ impl Axis {
 /// Cell of `value` among `cells` of the range, with a hair's breadth of grace at its ends.
 fn place(value: f64, [low, high]: [f64; 2], cells: usize) -> Option<usize> {
     let along = (value - low) / (high - low);
+    // Commands at an end of the range may be rounded beyond it. They count for the outermost cell.
     (-1e-6..=1.0 + 1e-6).contains(&along).then(|| ((along * cells as f64).max(0.0) as usize).min(cells - 1))
 }
 

@@ -92,6 +92,7 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
     for Down { samples: down, reason, fall } in downs {
         // Both cuts must stay in the log: the margin may reach before its start, the second beyond its end.
         let start = down.start.saturating_sub(at(margin));
+        // A robot that is down until the log ends never stands up, so no time is added.
         let end = if down.end >= samples { samples } else { (down.end + at(STANDS_S)).min(samples) };
         // A robot that is down when its log begins has not fallen in it.
         let kind = if *fall && down.start > begin { CutKind::Fall } else { CutKind::Down };
@@ -134,6 +135,7 @@ pub fn cut_felt(
     let spread = policy_check::spread(&trajectories, policy.interface.joints.len());
     let mut left = Vec::with_capacity(logs.len());
     for log in logs {
+        // The logs are at the policy's rate here, and their earlier cuts are made.
         let leaning: Vec<_> = tilt::falls(policy, &log.trajectory, &spread)
             .into_iter()
             .map(|samples| Down {

@@ -80,6 +80,7 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
             interface.robot
         ));
     }
+    // Log and interface list their gains in the policy's order.
     let differs = |read: &Read| {
         let gains = read.trajectory.gains.as_ref()?;
         let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));
@@ -111,6 +112,7 @@ pub fn other_step(reads: &[Read], policy: &Policy, walker: &Walker) -> Option<St
         ((step - stands_for).abs() > STEP * stands_for).then(|| (step, read.file.name.clone()))
     };
     let (step, name) = reads.iter().find_map(stated)?;
+    // Rounded to a microsecond: steps are computed as a period over a number, with many digits.
     let milliseconds = |step: f64| (1e6 * step).round() / 1e3;
     Some(format!(
         "{name}: the log was simulated in physics steps of {} ms, but this fit assumes a robot with steps of {} ms. Set \
@@ -139,6 +141,7 @@ pub fn targets_differ(logs: &[Log], interface: &Interface) -> Option<String> {
     }
     let rms = |joint: usize| (squares[joint] / samples).sqrt();
     let worst = (0..joints).max_by(|&a, &b| rms(a).total_cmp(&rms(b)))?;
+    // 0.02 rad is far above the rounding of logs, so that only a real difference is named.
     (rms(worst) > 0.02).then(|| {
         format!(
             "the logged targets are not default pose + scale × action as the policy has them (off by {:.3} rad RMS at \

@@ -19,6 +19,8 @@ const SUREST: f64 = 10.0;
 pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = sensors(findings);
     let shown = |effect: &Effect| of_effect(effect, findings.swings.as_ref());
+    // `Strength` shows play of a gear, see `play_of_swings`. It is looked at last, because other causes look
+    // like it.
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
         findings.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
     causes.extend(others.into_iter().filter_map(shown));
@@ -70,11 +72,13 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
     let alone = |kind: JointParameter| {
         theta.entries().iter().any(|entry| entry.kind == kind.name() && entry.joints == [cause.of.as_str()])
     };
+    // A stated value counts as much as a fitted one: the simulator has both.
     match cause.kind {
         CauseKind::GyroBias => {
             ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"].iter().all(|kind| has(kind))
                 || some(&sensors.gyro_bias)
         }
+        // The simulator's encoders have no steps, so nothing covers this.
         CauseKind::EncoderStep => false,
         CauseKind::VelocityLag => has("velocity_lag") || robot.velocity_lag != 0.0,
         CauseKind::Tilt => (has("imu_roll") && has("imu_pitch")) || some(&sensors.imu_tilt),
@@ -102,6 +106,7 @@ const NAMED: usize = 3;
 fn sensors(findings: &SwingFindings) -> Vec<Cause> {
     let mut causes = Vec::new();
     let mut add = |kind, size: Estimate, unit: &str, matters: f64, text: String| {
+        // 1 is the smallest size that changes a walk, so causes of different units can be ranked together.
         let weight = size.value.abs() / matters;
         causes.push(Cause { kind, of: String::new(), size, unit: unit.to_owned(), weight, text });
     };

@@ -21,6 +21,7 @@ impl Falling {
     /// The part of `logs` in which the robot would fall if it walked them again, 0 to 1: in a time t it falls with probability
     /// 1 − exp(−λ t), where λ is the number of its falls in a second.
     pub fn rate(&self, logs: &[Log]) -> f64 {
+        // Without time on its feet a robot has no rate; the quotient below would be infinite.
         if self.falls == 0 || self.seconds <= 0.0 || logs.is_empty() {
             return 0.0;
         }

@@ -43,6 +43,8 @@ impl SwingFindings {
     /// The tilt of the IMU about the base's x and y axes, rad. If joints twist, the one that was estimated together with their
     /// twist.
     pub fn tilt(&self) -> Option<[Estimate; 2]> {
+        // Joints that twist let the standing robot lean. Without the twist in the estimate this looks like a
+        // tilted unit.
         let twists = self.twisting().is_some();
         self.beside_twist.filter(|_| twists).unwrap_or(self.standing).tilt
     }

@@ -65,6 +65,7 @@ impl<'a> Search<'a> {
     ) -> Vec<Vec<f64>> {
         let interface = &self.policy.interface;
         let (width, joints) = (self.layout.width(), interface.joints.len());
+        // All rows are of the same sample, so they share its past.
         let past = observation::past(&self.layout, interface, log, sample, clock);
         let past = past.as_deref();
         self.observation.resize(all.len() * width, 0.0);
@@ -109,6 +110,8 @@ impl<'a> Search<'a> {
         };
         let mut residual = error(&action);
         let mut price = residual.norm_squared() + relative(&values).norm_squared();
+        // The damping is relative to the curvature's diagonal, so the first step is nearly one of Gauss and
+        // Newton.
         let mut damping = 1e-3;
         for _ in 0..STEPS {
             // Forward differences; the policy acts on all probes at once.
@@ -129,6 +132,8 @@ impl<'a> Search<'a> {
             let curvature = slopes.tr_mul(&slopes) + DMatrix::identity(unknowns, unknowns);
             // Marquardt (1963): the damping rises until a step lowers the price, and falls after it.
             let mut moved = false;
+            // The fourth try has 125 times the damping. If it does not lower the price either, the search
+            // ends.
             for _ in 0..4 {
                 let damped = &curvature + DMatrix::from_diagonal(&curvature.diagonal()) * damping;
                 let Some(factor) = damped.cholesky() else { break };
@@ -160,6 +165,7 @@ impl<'a> Search<'a> {
         if !clocked {
             return 0.0;
         }
+        // About 20 samples, spread over the log, are enough for one unknown.
         let some: Vec<_> = chosen.iter().step_by(chosen.len().div_ceil(20).max(1)).collect();
         let mut best = (f64::INFINITY, 0.0);
         for phase in 0..PHASES {

@@ -162,6 +162,7 @@ fn walk(
                 folder.display()
             )));
         }
+        // `is_dir` follows links, so a link to a folder must be asked for by itself.
         if path.is_dir() && !path.is_symlink() {
             if depth > 1 {
                 walk(&path, depth - 1, visited, take)?;

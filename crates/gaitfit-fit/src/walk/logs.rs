@@ -89,6 +89,7 @@ pub fn read(
     let enough =
         |logs: &[Log], removed: &[Cut]| enough(purpose, config, config_path, reads.len(), logs, removed);
     let margin = config.fall_margin();
+    // First the parts in which the robot is on its feet, by what the logs show themselves.
     let (stretches, mut removed, on_feet_s) = on_feet(&reads, config, scene)?;
     let mut logs = long_enough(stretches, config, &mut warnings);
     warnings.extend(filled(&logs));
@@ -292,6 +293,8 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
     // How the unit is mounted is judged once all logs are read: the policy may show it.
     let later: Vec<FindingKind> = log_check::PARTS.into_iter().chain([FindingKind::ImuMounting]).collect();
     log_check::refuse(&findings, &file.path, &later)?;
+    // Torques that are sent beside the targets are not in the policy's actions, so the simulation would lack
+    // them.
     let drives = |finding: &&Finding| finding.kind == FindingKind::FeedForward;
     if let Some(drives) =
         findings.iter().find(drives).filter(|_| !config.allow.contains(&FindingKind::FeedForward))
@@ -357,6 +360,7 @@ fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
             return refuse(what, bad / width, values[bad]);
         }
     }
+    // The base's state is not looked at here: `drop_broken_base` leaves out parts with holes.
     let commands = trajectory.command.as_deref().unwrap_or_default();
     match wild(commands) {
         Some(bad) => refuse(["vx_cmd", "vy_cmd", "wz_cmd"][bad % 3].to_owned(), bad / 3, commands[bad]),

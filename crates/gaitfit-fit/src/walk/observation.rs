@@ -73,6 +73,7 @@ impl Given {
         }
         let gravity = Quantity::ProjectedGravity;
         if let (None, Some([x, y, z])) = (self.get(gravity), &mut filled.values[gravity as usize]) {
+            // Gravity is a unit vector that points down. Beyond 1 the root would not be a number.
             *z = -(1.0 - (x.powi(2) + y.powi(2)).min(1.0)).sqrt();
         }
         filled

@@ -213,8 +213,10 @@ impl Comparison {
                 squares.push((error, away));
             }
         }
+        // All samples count for the spread. Only the errors leave out the worst ones.
         let away = squares.iter().map(|(_, away)| away).sum::<f64>() / squares.len() as f64;
         squares.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Rounded up, so that a single sample still counts.
         let counted = ((1.0 - LEFT_OUT) * squares.len() as f64).ceil() as usize;
         let error = squares[..counted].iter().map(|(error, _)| error).sum::<f64>() / counted as f64;
         (error / away).sqrt()
@@ -228,6 +230,7 @@ impl Comparison {
             covariance += a * b;
             variance += b * b;
         }
+        // The slope of the logged actions over the predicted ones.
         covariance / variance
     }
 

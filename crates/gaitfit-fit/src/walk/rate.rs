@@ -24,6 +24,7 @@ pub fn check(rate_hz: f64, control_dt: f64, shown: &str) -> Result<(), Error> {
 pub fn text(rates: impl Iterator<Item = f64>) -> String {
     let mut rates: Vec<f64> = rates.collect();
     rates.sort_by(f64::total_cmp);
+    // Sorted before, so that rates that are nearly equal are neighbours.
     rates.dedup_by(|a, b| (*a / *b - 1.0).abs() < SAME);
     rates.iter().map(|rate| format!("{rate:.4}")).collect::<Vec<_>>().join(", ")
 }
@@ -52,6 +53,7 @@ pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Regular, LogError
     // Rows within a gap of the faster log. A gap shorter than half a control period loses no row.
     let gap = (1.5 * log.dt()).max(0.5 * control_dt);
     let in_gap = |at: f64| {
+        // 1e-9 s is rounding of the new times: a row that falls on a sample counts as behind it.
         let next = log.time.partition_point(|time| *time <= at + 1e-9);
         next > 0
             && log.time.get(next).is_some_and(|later| {

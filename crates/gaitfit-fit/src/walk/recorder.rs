@@ -183,10 +183,12 @@ impl Recorder {
             reset_every: None,
             seed: derive_seed(seed, Purpose::TORQUE_NOISE, number(robot).wrapping_add(1)),
         };
+        // A GPU gets the scripts of the logs, and the beginnings of each robot beside them.
         let gpu =
             self.walk_gpu.get_or_init(|| GpuLogs::new(&self.walking, &self.plain, self.max_samples_before()));
         let jobs: Vec<follow::Job> = (0..robots.len()).map(job).collect();
         let begins = |robot: usize| self.unknown_starts(seed, number(robot));
+        // Its tracks begin where the recording does, so nothing is cut from them.
         let take_all = |robot: usize, tracks: Vec<Track>| {
             keep(robot, tracks.iter().map(|track| kept(track, joints, 0)).collect());
         };
@@ -268,6 +270,7 @@ impl Recorder {
         let first = script.commands.first().copied().unwrap_or_default();
         script.commands.splice(0..0, std::iter::repeat_n(first, *earlier));
         if let Some(&first) = script.motion.first() {
+            // The motion goes on at its pace, so before the log its time is earlier by a period a sample.
             let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
             script.motion.splice(0..0, (0..*earlier).map(before));
         }
@@ -374,6 +377,7 @@ fn plain(walker: &Walker, log: &Trajectory) -> Script {
 /// The log's commands, from the state that its first sample shows.
 fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let mut script = script(walker, log);
+    // What the first sample shows is taken: attitude, then rates. Joints are in the start already.
     let base = log.base.as_ref();
     let attitude = base.and_then(|base| base.quaternion.as_deref()?.first_chunk::<4>());
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());

@@ -77,6 +77,7 @@ fn assumed(log: &Trajectory, interface: &Interface) -> Option<Vec<f64>> {
         *angle = value as f32;
     }
     let heading = Layout::new(interface, &interface.observation).motion_heading(&sensed);
+    // Times in a motion count from its beginning, whatever the log's clock says.
     let first = *log.time.first()?;
     Some(log.time.iter().flat_map(|time| [time - first, heading]).collect())
 }
@@ -85,6 +86,7 @@ fn assumed(log: &Trajectory, interface: &Interface) -> Option<Vec<f64>> {
 pub fn turn_unit(log: &mut Trajectory, interface: &Interface, turn: impl FnOnce(&mut Trajectory)) {
     let is_assumed = interface.reference.is_some() && log.motion.is_some() && {
         let (Some(assumed), Some(stated)) = (assumed(log, interface), &log.motion) else { return turn(log) };
+        // A place that equals the assumed one was assumed by `settle`. 1e-6 is rounding.
         assumed.iter().zip(stated).all(|(a, b)| (a - b).abs() < 1e-6)
     };
     turn(log);

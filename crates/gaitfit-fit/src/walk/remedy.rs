@@ -99,6 +99,7 @@ impl Remedies {
     /// Adds the rules to those of `config` and fills in their defaults. `joints`: names of all joints of the robot.
     pub fn extend(&self, config: &mut AdaptConfig, joints: &[String]) {
         // The added parameters cover the same joints as the default ones.
+        // Rules over groups were limited to joints that the policy moves, see `rule_joints`.
         let group_rule = config.parameter.iter().find(|rule| rule.per == Sharing::Group);
         let covered = group_rule.map(|rule| rule.joints.clone());
         for rule in &self.parameter {
@@ -180,6 +181,7 @@ fn single_rule(number: &SwingNumber) -> Option<ParameterRule> {
     let kind = kind.into_iter().find(|kind| kind.name() == number.kind)?;
     let Estimate { value, error } = number.estimate;
     let half = SINGLE_RANGE * error;
+    // A motor without strength would not move its joint. Springs may have negative numbers.
     let least = if kind == JointParameter::TorqueScale { MIN_SEARCHED } else { f64::NEG_INFINITY };
     let mut rule = ParameterRule {
         per: Sharing::Joint,
@@ -201,6 +203,7 @@ fn leave_out(config: &mut AdaptConfig, kind: JointParameter, single: &[String], 
         let covers = |joint: &&String| patterns.iter().any(|pattern| pattern.covers(joint));
         rule.joints = joints.iter().filter(covers).filter(|joint| !single.contains(joint)).cloned().collect();
         if rule.per == Sharing::All {
+            // The entry keeps its usual name, although the rule does not cover all joints any more.
             rule.name.get_or_insert_with(|| kind.name().to_owned());
         }
     }
@@ -220,6 +223,7 @@ fn split(config: &mut AdaptConfig, group: &[String], joints: &[String]) {
     each.per = Sharing::Joint;
     each.joints = single.into_iter().cloned().collect();
     rule.joints = rest.into_iter().cloned().collect();
+    // Beside the rule from which it was taken, so that frictions stay together in tables.
     let place = config.parameter.iter().position(|rule| rule.kind == JointParameter::FrictionLoss);
     let place = place.map_or(0, |place| place + 1);
     config.parameter.insert(place, each);

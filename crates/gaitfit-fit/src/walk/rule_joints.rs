@@ -31,6 +31,7 @@ pub fn limit(rules: &mut [ParameterRule], interface: &Interface, joints: &[Strin
         let has_effect =
             |joint: &&String| (moves(joint) || !only_moved) && !(is_wheel(joint) && about_angles);
         let kept: Vec<String> = joints.iter().filter(has_effect).cloned().collect();
+        // A rule that keeps all joints stays "*". One that would lose all of them is left to the check below.
         if !kept.is_empty() && kept.len() < joints.len() {
             rule.joints = kept;
         }

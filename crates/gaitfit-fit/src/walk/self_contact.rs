@@ -51,6 +51,7 @@ pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
         .iter()
         .map(|log| log.trajectory.joints.iter().map(|joint| model.find_joint(joint)).collect())
         .collect();
+    // All logs must have the joint: a pair is counted over all of them.
     let is_known = |joint: usize| logged.iter().all(|joints| joints.contains(&Some(joint)));
     let mut pairs: Vec<Closeness> = model
         .self_pairs_of_file()
@@ -59,6 +60,7 @@ pub fn in_logs(model: &Model, logs: &[Log]) -> Touching {
         .map(|pair| Closeness { pair, overlaps: Vec::new() })
         .collect();
     let rows: usize = logs.iter().map(|log| log.trajectory.time.len()).sum();
+    // At least 1, because `step_by` does not take 0.
     let every = rows.div_ceil(MAX_SAMPLES).max(1);
     let mut samples = 0;
     for (log, joints) in logs.iter().zip(&logged) {
@@ -116,6 +118,7 @@ fn joints_between<'a>(model: &'a Model, pair: &SelfPair) -> impl Iterator<Item =
     let [first, second] = pair.geoms.each_ref().map(chain);
     let joints = model.joints.iter().enumerate();
     joints
+        // A joint on both chains moves both parts together, so it does not change their distance.
         .filter(move |(_, joint)| first.contains(&joint.body) != second.contains(&joint.body))
         .map(|(number, _)| number)
 }

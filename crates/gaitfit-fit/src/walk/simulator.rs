@@ -131,6 +131,7 @@ impl Simulator for WalkSimulator {
                 }
             }
         }
+        // The list of readings ends before the first log without them, so its length names this log.
         if !corrected.is_empty() && self.readings.courses.len() < self.scripts.len() {
             return Err(SimulatorError::failed(format!(
                 "the cost needs what an IMU measures, and log {} of {} lacks it: columns {IMU_COLUMNS}",
@@ -208,6 +209,8 @@ impl Filled {
             for (simulated, logged) in
                 [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)]
             {
+                // A prediction that begins in a filled row is wrong until the next reset, `every` samples
+                // later.
                 let end = ((row + every + 1) * width).min(simulated.len()).min(logged.len());
                 let cells = (row * width).min(end)..end;
                 simulated[cells.clone()].copy_from_slice(&logged[cells]);
@@ -244,6 +247,7 @@ fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
     let angles = drawn(&start.joint_position, START_ANGLE, 0);
     let velocities = drawn(&start.joint_velocity, START_VELOCITY, joints);
     let speeds = drawn(&[0.0; 2], START_SPEED, 2 * joints);
+    // Each group of numbers has draws of its own, so the offsets must not overlap.
     let tilt = drawn(&[0.0; 2], START_TILT, 2 * joints + 2);
     let rates = drawn(&start.base_angular, START_RATE, 2 * joints + 4);
     let turned = rotation::product(rotation::turn(1, tilt[1]), rotation::turn(0, tilt[0]));
@@ -252,6 +256,7 @@ fn near(walker: &Walker, start: &Start, stream: Stream) -> Start {
         base_linear: [speeds[0] as f32, speeds[1] as f32, 0.0],
         base_angular: std::array::from_fn(|k| rates[k] as f32),
         joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+        // Other angles and tilts move the feet, so the height at which the robot stands is computed anew.
         ..walker.standing([0.0; 2], attitude, &angles)
     }
 }
@@ -272,6 +277,7 @@ fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
     let (samples, joints) = (log.len(), walker.default_pose.len());
     let mut targets = vec![0.0f32; samples * joints];
+    // A log without targets has actions, from which the targets follow.
     match &log.target {
         Some(target) => targets = in_model(walker, target, &walker.default_pose),
         None => walker.targets(&actions(log), &mut targets),
@@ -294,6 +300,7 @@ const OFF_UNIT: f32 = 1e-5;
 /// A quaternion that was logged with few digits, of length 1.
 fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     let length = quaternion.iter().map(|x| x * x).sum::<f32>().sqrt();
+    // One of length 1 keeps its bits, so logs of simulated robots are not changed.
     if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
 }
 
@@ -371,6 +378,7 @@ fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3], f64)> {
     let numbers = quaternion.iter().all(|x| x.is_finite()) && rates.iter().all(|x| x.is_finite());
     let heading = rotation::heading(quaternion);
     let level = rotation::product(rotation::turn(2, -heading), quaternion);
+    // A robot that leans further does not stand, so it is not put on its feet in that attitude.
     (numbers && rotation::up(level)[2] > START_UPRIGHT).then_some((level, rates, heading))
 }
 

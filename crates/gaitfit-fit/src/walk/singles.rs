@@ -23,6 +23,8 @@ pub fn examine(
 ) {
     let mut singles: Vec<Effect> = Vec::new();
     let Some(first) = &findings.swings else { return };
+    // The first examination chose a clearance among all. The next rounds look only beside it, which saves
+    // time.
     let again = near(first, settings);
     for _ in 0..SINGLE_ROUNDS {
         // One at a time: a joint with a spring changes what its siblings seem to have.
@@ -65,10 +67,13 @@ fn add_single(known: &mut Vec<Effect>, one: Effect) {
     };
     let (before, error) = (known.size.value, one.size.error);
     if one.kind == EffectKind::OddStrength {
+        // The walks had the earlier strength already, so the new one is a factor on it.
         known.size = Estimate { value: (1.0 + before) * (1.0 + one.size.value) - 1.0, error };
     } else {
+        // Two springs on a joint act as one: stiffnesses add, and so do the torques at angle 0.
         let torque = torque_of(known) + torque_of(&one);
         known.size = Estimate { value: before + one.size.value, error };
+        // Stiffnesses that add up to 0 have no angle of rest.
         known.rest = Some(torque / known.size.value).filter(|rest| rest.is_finite());
     }
 }
@@ -83,6 +88,7 @@ pub fn with_strengths(logs: &[&Trajectory], singles: &[Effect]) -> Vec<Trajector
     let mut logs: Vec<Trajectory> = logs.iter().map(|&log| log.clone()).collect();
     for strength in singles.iter().filter(|single| single.kind == EffectKind::OddStrength) {
         for log in &mut logs {
+            // Logs and model may differ in endings such as `_joint`.
             let place = log.joints.iter().position(|joint| plain(joint) == plain(&strength.of));
             if let (Some(place), Some(gains)) = (place, &mut log.gains) {
                 gains.kp[place] *= 1.0 + strength.size.value;

@@ -44,6 +44,7 @@ impl Scale {
             .filter(|&&joint| model.joints[joint].kind == kind)
             .filter_map(|&joint| model.effort(joint))
             .collect();
+        // The median, because a robot may have a few joints with far larger or smaller motors.
         torques.sort_by(f64::total_cmp);
         let usual = kind.like("N·m", TORQUE_NM);
         let torque = torques.get(torques.len() / 2).copied().unwrap_or(usual);
@@ -70,6 +71,7 @@ impl Scale {
 /// The power of two nearest to a ratio, between 1/64 and 64.
 fn power(ratio: f64) -> f64 {
     let exponent = ratio.log2().round();
+    // A model without mass or with an infinite torque limit has no ratio, and keeps the default bounds.
     if exponent.is_finite() { exponent.clamp(-6.0, 6.0).exp2() } else { 1.0 }
 }
 
@@ -98,6 +100,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
         let middle = values.get(values.len() / 2).copied().unwrap_or_default();
         let largest = values.last().copied().unwrap_or_default();
         let upper = rule.upper.unwrap_or_default();
+        // Three times the file's value, so that a search can move it in both directions.
         let wider = (upper * scale).max(OWN * largest);
         if given.upper.is_none() {
             rule.upper = Some(wider);
@@ -127,6 +130,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
             rule.lower = rule.lower.map(|lower| lower.max(-LIGHTER * base_mass(model)));
         }
     }
+    // What a user wrote stays, even if it is a gain of a biped.
     if is_biped(feet) && usual.parameter == given.parameter {
         config.parameter.retain(|rule| rule.kind != JointParameter::KpScale);
     }

@@ -27,6 +27,7 @@ impl SwingFindings {
             let left = tilt_beside_twist(model, &walks, swings, settings, &group);
             findings.beside_twist = left.map(|left| findings.standing.with_left(left));
         }
+        // Last, because it replaces estimates and effects by those of a model with the springs that it finds.
         singles::examine(&mut findings, model, walks, settings, watch);
         // Both would be gears, and gears are simulated only in robots without slides.
         let gear = |effect: &Effect| matches!(effect.kind, EffectKind::Elasticity | EffectKind::Backlash);
@@ -101,6 +102,8 @@ impl SwingFindings {
         let trajectories: Vec<Trajectory> = logs
             .iter()
             .map(|log| {
+                // The recording has the log's own rate, which shows swings better than the policy's. A log
+                // that was cut has parts that do not count.
                 let whole = (pieces[&log.path] == 1).then(|| recorded(log)).flatten();
                 let mut trajectory = whole.unwrap_or_else(|| log.trajectory.clone());
                 trajectory.gains.get_or_insert_with(|| gains.clone());
@@ -119,6 +122,7 @@ fn recorded(log: &Log) -> Option<Trajectory> {
     let mut whole = read.select_joints(&log.joints).ok()?;
     whole.joints.clone_from(&log.trajectory.joints);
     whole.velocity_joints.clone_from(&log.trajectory.velocity_joints);
+    // A longer recording has parts that were cut away, such as those behind the horizon.
     let enough = whole.duration() - log.trajectory.duration() < ENDS_S && whole.target.is_some();
     enough.then_some(whole)
 }
@@ -208,6 +212,7 @@ pub fn beside<'a>(
             unit: one.unit.to_owned(),
             fitted: one.value,
             swings,
+            // Two standard errors, both sides together: 95 % of differences by chance are smaller.
             differ: apart > 2.0 * error.hypot(swings.error) && apart > matters(number.kind),
         })
     };

@@ -66,6 +66,7 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
 fn delay(report: &SwingReport, step: f64) -> Estimate {
     let Estimate { value, error } = report.delay;
     let value = value + step / 2.0;
+    // `value.min(0.0)` is how far it lies below 0, or 0.
     Estimate { value: value.max(0.0), error: error.hypot(value.min(0.0)) }
 }
 
@@ -92,6 +93,8 @@ pub fn sensor_numbers(findings: &SwingFindings, step: Option<f64>) -> Vec<SwingN
     let bias = [RobotNumber::GyroBiasX, RobotNumber::GyroBiasY, RobotNumber::GyroBiasZ];
     let bias = bias.into_iter().zip(findings.sensors.gyro_bias.iter().flatten().copied());
     let sensor_lag = |lag: Estimate, step: f64| Estimate {
+        // The simulation has half a step of lag by itself, so a sensor's part is less. No sensor reads the
+        // future.
         value: (lag.value - step / 2.0).max(0.0),
         error: lag.error.max(MIN_LAG_ERROR),
     };
@@ -117,6 +120,7 @@ pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> 
             "{name} = {{ value = {value:.5}, deviation = {error:.5}, by_strength = {slope:.5}{load} }}\n"
         );
     };
+    // `by_strength` and `by_load` have the order friction, damping, armature. The lines have another one.
     for group in &report.groups {
         line(
             JointParameter::FrictionLoss,

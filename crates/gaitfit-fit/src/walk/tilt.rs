@@ -60,11 +60,13 @@ fn leaning(looks: &[(usize, f64)], every: usize, samples: usize) -> Vec<Range<us
     for window in looks.windows(MEDIAN) {
         let mut degrees: Vec<f64> = window.iter().map(|look| look.1).collect();
         degrees.sort_by(f64::total_cmp);
+        // The median of five: two wrong looks in a row do not make a fall.
         if degrees[MEDIAN / 2] <= FALLEN {
             continue;
         }
         let high = || window.iter().filter(|look| look.1 > FALLEN).map(|look| look.0);
         let (Some(first), Some(last)) = (high().next(), high().next_back()) else { continue };
+        // A look stands for the time until the next one.
         let range = first..(last + every).min(samples);
         match ranges.last_mut() {
             Some(known) if range.start <= known.end + APART * every => known.end = known.end.max(range.end),

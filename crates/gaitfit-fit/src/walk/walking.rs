@@ -62,6 +62,8 @@ impl Walking {
         let mut preset = config.simulation.preset;
         if let Some(step) = settings.robot_timestep {
             let period = policy.interface.control_dt;
+            // A step must divide the control period. Where the divided step differs from the robot's, the
+            // robot's is kept beside it.
             settings.substeps = substeps(period, step.max(MIN_STEP));
             let split = period / settings.substeps as f64;
             settings.robot_timestep = Some(step).filter(|step| (split - step).abs() > 1e-3 * split);
@@ -109,6 +111,7 @@ fn substeps(period: f64, step: f64) -> usize {
 /// A task in the policy's file that cannot be read.
 pub fn timestep(config: &AdaptConfig, policy: &Policy) -> Result<f64, Error> {
     let step = config.simulation.timestep;
+    // A step that the user chose stays, even if it is longer than that of the training.
     if step != SimulationConfig::default().timestep {
         return Ok(step);
     }
@@ -127,11 +130,13 @@ pub fn feet(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<usiz
 
 /// The policy's task as the configuration has it simulated.
 fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<TaskSettings, Error> {
+    // A policy that was trained elsewhere has no task. The usual one of the robot stands in.
     let mut settings = match world::trained_task(policy)? {
         Some(task) => task,
         None => world::usual_task(model)?,
     };
     settings.substeps = substeps(policy.interface.control_dt, config.simulation.timestep);
+    // What the configuration states about the robot wins over what the training assumed.
     settings.robot_timestep = config.simulation.robot_timestep.or(settings.robot_timestep);
     if let Some(chosen) = &config.simulation.self_contact {
         settings.self_contact = chosen.clone();
@@ -149,6 +154,7 @@ fn task(
 ) -> Result<Task, Error> {
     let interface = policy.interface.clone();
     let delay = base.robot.delay.iter().fold(0.0f64, |max, &delay| max.max(delay));
+    // The simulator keeps as many past targets as the longest delay needs, so it must know this delay now.
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, preset, delay).map_err(Error::failed)
 }

@@ -41,6 +41,7 @@ pub fn nothing_to_resume(runs: &Path, name: &str) -> Error {
 /// The names of the runs in a folder.
 fn names(runs: &Path) -> BTreeSet<String> {
     let entries = std::fs::read_dir(runs).into_iter().flatten().flatten();
+    // A run folder has this file from its beginning, see `RunFolder`.
     let begun = entries.filter(|entry| entry.path().join(".lock").is_file());
     begun
         .map(|entry| {

@@ -29,6 +29,8 @@ impl RunFolder {
     pub fn fresh(runs: &Path, name: &str) -> Result<Self, Error> {
         check_name(name)?;
         fs::create_dir_all(runs).map_err(|error| unwritable(runs, error))?;
+        // Another process may take the next number in between: making the folder decides, and the loop goes
+        // on.
         for number in latest(runs, name)? + 1..=MAX_RUNS {
             let path = numbered(runs, name, number);
             match fs::create_dir(&path) {
@@ -74,6 +76,7 @@ impl RunFolder {
 
     fn lock(path: PathBuf) -> Result<Self, Error> {
         match Owned::take(&path).map_err(|error| unwritable(&path.join(LOCK), error))? {
+            // Only the owner may remove unfinished files: those of another process are still being written.
             Some(owned) => {
                 sweep(&path);
                 Ok(Self { path, owned })
@@ -126,6 +129,7 @@ impl RunFolder {
         let path = self.path.join(name);
         let folder = path.parent().unwrap_or(&self.path);
         let whole = || -> std::io::Result<()> {
+            // In the same folder, because a rename is only atomic within one file system.
             let mut file =
                 files::readable(&mut tempfile::Builder::new()).prefix(WRITING).tempfile_in(folder)?;
             file.write_all(bytes)?;
@@ -164,6 +168,8 @@ impl RunFolder {
         let path = self.path.join(name);
         match read(&path, files::MAX_BYTES) {
             Ok(content) => Ok(Some(content)),
+            // A run that was killed early may lack any file. What cannot be read for another reason is an
+            // error.
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => {
                 let remedy = "; restore it, or start afresh without --resume".to_owned();
@@ -219,6 +225,7 @@ fn latest(runs: &Path, name: &str) -> Result<usize, Error> {
         let file = entry.file_name();
         let Some(number) = file.to_str().and_then(|file| number(file, name)) else { continue };
         let path = entry.path();
+        // A folder without a configuration counts too: its run may have been killed before it wrote one.
         if number > highest && path.is_dir() && own_name(&path).is_none_or(|own| own == name) {
             highest = number;
         }
@@ -239,6 +246,7 @@ fn number(file: &str, name: &str) -> Option<usize> {
 }
 
 fn check_name(name: &str) -> Result<(), Error> {
+    // A name is one folder: separators of paths and names such as `..` would lead elsewhere.
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
     let wrong = if name.len() > MAX_NAME {
         format!("it has {} bytes; give --name one of at most {MAX_NAME}", name.len())

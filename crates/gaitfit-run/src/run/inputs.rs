@@ -30,12 +30,15 @@ impl Inputs {
             let hash = hash_file(path)?;
             hashes.insert(path.display().to_string(), hash);
         }
+        // JSON has every number with as many digits as bring back its bits, so equal hashes mean equal
+        // values.
         Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })
     }
 
     /// Returns the first difference from `saved`, in words; `None` when nothing differs.
     pub fn difference(&self, saved: &Self) -> Option<String> {
         let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
+        // Both lists, so that a file that is new and one that is gone are named too.
         if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {
             return Some(format!("{path} has changed"));
         }

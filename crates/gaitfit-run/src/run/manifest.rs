@@ -36,6 +36,7 @@ pub fn write(
 ) -> Result<(), Error> {
     let manifest = Manifest {
         gaitfit: env!("CARGO_PKG_VERSION"),
+        // Arguments may be paths that are not UTF-8; `args` would panic on them.
         command: std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
         folder: std::env::current_dir().map(|folder| folder.display().to_string()).unwrap_or_default(),
         begun,

@@ -23,6 +23,7 @@ impl Owned {
     pub fn take(folder: &Path) -> io::Result<Option<Self>> {
         let path = folder.join(LOCK);
         files::no_pipe(&path)?;
+        // A file that exists stays the same file, so all processes lock the same one.
         let lock = File::create(&path)?;
         match lock.try_lock() {
             Ok(()) => Ok(Some(Self { lock })),

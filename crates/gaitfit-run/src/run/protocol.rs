@@ -63,6 +63,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
             watch.note(&format!("{} is finished; this is its result", self.folder.path().display()));
             return Ok(results);
         }
+        // Before the work, so that a run that is killed can be resumed with its own settings.
         let begun = self.begin()?;
         let results = work()?;
         Ok(self.finish(&begun, results)?)
@@ -102,6 +103,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         if self.same_files {
             return self.inputs.difference(saved);
         }
+        // Files may have moved: the robot and the settings that were made of them are compared instead.
         let without = |inputs: &Inputs| Inputs { files: Default::default(), ..inputs.clone() };
         without(&self.inputs).difference(&without(saved))
     }
@@ -135,6 +137,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
             let problem = format!("not a result of this version: {error}. Start afresh without --resume.");
             Error::content(&self.folder.path().join(RESULT), problem)
         })?;
+        // With another extent the run continues from its checkpoint, and this result is replaced.
         if file.asked != self.asked {
             return Ok(None);
         }
@@ -150,6 +153,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// Files that cannot be written.
     pub fn begin(&self) -> Result<String, Error> {
         let begun = now();
+        // A run that resumes writes its settings again, because free ones may have changed.
         let text = toml::to_string_pretty(&self.settings)
             .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
         self.folder.write(CONFIG, text.as_bytes())?;

@@ -28,10 +28,12 @@ const RULES: &[Rule] = &[
     ),
     (|config| config.logs.is_empty(), "`logs` names no log to fit"),
     (
+        // A later rule reads the first cost, so there must be one.
         |config| config.costs.is_empty(),
         "`costs` names no cost; take for example \"wass\" for walks or \"matcho\" for legs in the air (docs/costs.md)",
     ),
     (
+        // Metrics and results tell costs apart by their names.
         |config| (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])),
         "`costs` names one cost twice",
     ),
@@ -92,6 +94,7 @@ const RULES: &[Rule] = &[
         },
         "`falls.margin_seconds` and `falls.penalty` must be finite and at least 0",
     ),
+    // Ranges of the search, of the simulation and of the checks.
     (|config| config.optimizer.generations == 0, "`optimizer.generations` must be at least 1"),
     (
         |config| config.optimizer.seeds > 1000,
@@ -108,6 +111,7 @@ const RULES: &[Rule] = &[
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63",
     ),
     (
+        // One candidate has no spread from which a distribution could be learnt.
         |config| config.optimizer.population == 1 || config.optimizer.population > 10_000,
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000",
     ),
@@ -117,10 +121,12 @@ const RULES: &[Rule] = &[
     ),
     (|config| !not_negative(config.optimizer.prior_weight), "`optimizer.prior_weight` must be at least 0"),
     (
+        // Twenty restarts already end with a million times the population.
         |config| config.optimizer.restarts > 20,
         "`optimizer.restarts` must be 0 to 20: each doubles the population",
     ),
     (
+        // The tolerance is relative to the first deviation, so a search with 1 would end at once.
         |config| !not_negative(config.optimizer.tolerance) || config.optimizer.tolerance >= 1.0,
         "`optimizer.tolerance` must be at least 0 and below 1",
     ),
@@ -243,6 +249,8 @@ pub fn options(config: &AdaptConfig, robot_rate: f64, robot_falls: usize) -> Fit
         population: optimizer.population,
         generations: optimizer.generations,
         restarts: optimizer.restarts,
+        // 0 seeds means that the device chooses. Without a device yet there is one. A rule above keeps the
+        // sum within range.
         seeds: (0..optimizer.seeds.max(1) as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,

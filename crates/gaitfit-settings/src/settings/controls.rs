@@ -55,6 +55,7 @@ impl ControlsConfig {
             ("delay", self.delay, 1.0),
         ];
         let wrong = ranges.into_iter().find_map(|(name, [low, high], max)| {
+            // Negated as a whole, so that a range with NaN is refused.
             (!(0.0 <= low && low <= high && high <= max)).then(|| {
                 let (low, high) = (shown_number(low), shown_number(high));
                 format!(
@@ -62,6 +63,7 @@ impl ControlsConfig {
                 )
             })
         });
+        // Without a true robot there is nothing to refuse, and 0 is within the range.
         let truth = self.truth.as_ref().map_or(0.0, |truth| truth.torque_noise);
         wrong
             .or_else(|| check_torque_noise("controls.torque_noise", self.torque_noise).err())

@@ -74,6 +74,7 @@ impl Configuration for FinetuneConfig {
 
     /// Lays the settings upon the defaults, which are not those of [`ppo::Settings`] and [`TrainingSettings`].
     fn complete(table: &mut DeTable<'_>) {
+        // The text is a part of the program and is read by a test, so parsing it does not fail.
         let mut defaults = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         let given = std::mem::take(table);
         // A table in the place of a number or the other way round keeps its own place and is refused when it is read.
@@ -90,9 +91,11 @@ pub fn changed(mut task: Table, changes: &Table) -> Table {
     }
     for (key, change) in changes.iter().filter(|(key, change)| *key != CLEAR || !change.is_bool()) {
         match (task.get_mut(key), change) {
+            // In place, so that the table keeps its position among the others.
             (Some(Value::Table(inner)), Value::Table(change)) => {
                 *inner = changed(std::mem::take(inner), change);
             }
+            // Laid upon an empty table, so that a `clear` in it does not become a setting.
             (_, Value::Table(change)) => {
                 task.insert(key.clone(), changed(Table::new(), change).into());
             }

@@ -43,6 +43,7 @@ fn key(name: &str) -> String {
     let plain = plain(name).to_lowercase();
     let parts: Vec<&str> = plain.split(['_', '.', '-', '/', ' ']).filter(|part| !part.is_empty()).collect();
     let rest: Vec<&str> = parts.iter().copied().filter(|part| !SIDES.contains(part)).collect();
+    // A joint that is called by its side alone, such as `left`, keeps this name.
     if rest.is_empty() { plain } else { rest.join("_") }
 }
 

@@ -75,6 +75,7 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
     match value.get_ref() {
         DeValue::Table(table) => too_large(path, table),
         DeValue::Array(array) => array.iter().find_map(|value| too_large_value(path, value)),
+        // The parser keeps the digits as text, so a number of any length comes this far.
         DeValue::Integer(number) if i64::from_str_radix(number.as_str(), number.radix()).is_err() => {
             let shown = tamed(&number.to_string(), MAX_SET);
             let (min, max) = (i64::MIN, i64::MAX);
@@ -186,6 +187,7 @@ fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Erro
 
 /// Sets one value of a table by its dotted path.
 fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> Result<(), Error> {
+    // Taken out, because the way leads through tables and lists alike.
     let mut root = DeValue::Table(std::mem::take(table));
     let mut at = &mut root;
     for key in path.split('.').map(str::trim) {
@@ -208,10 +210,12 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
 fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'t>> {
     match at {
         DeValue::Table(table) if !key.is_empty() => {
+            // A `--set` has no place in the file.
             let key = Spanned::new(0..0, Cow::Owned(key.to_owned()));
             let empty = || Spanned::new(0..0, DeValue::Table(DeTable::new()));
             Some(table.entry(key).or_insert_with(empty).get_mut())
         }
+        // Entries of a list can be changed, but not added.
         DeValue::Array(array) => array.get_mut(key.parse::<usize>().ok()?).map(Spanned::get_mut),
         _ => None,
     }

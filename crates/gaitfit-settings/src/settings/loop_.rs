@@ -166,6 +166,7 @@ impl Configuration for LoopConfig {
                 return;
             }
         }
+        // The text is a part of the program and is read by a test, so parsing it does not fail.
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
         // Of a simulated target the loop knows the period of the motor boards; logs do not state it.
         let logs = given.get("logs").map(Spanned::get_ref);
@@ -179,6 +180,8 @@ impl Configuration for LoopConfig {
             (defaults.get_mut("adapt").map(Spanned::get_mut), given.get("adapt").map(Spanned::get_ref))
         {
             let distributions = walking::searches_distributions(given);
+            // As in a fit: whoever chooses the parameters or the cost does not get the defaults of the
+            // others.
             walking::trim(fitted, given);
             // The user's groups replace the default ones; they are not added to them.
             if given.contains_key("groups") {
@@ -223,6 +226,7 @@ impl LoopConfig {
              robot must be there"
                 .to_owned()
         } else if self.held_out == 1 || self.held_out > 1000 {
+            // With 1, every log would be held out and none fitted.
             "`held_out` must be 0 (all logs are fitted) or 2 to 1000 (one log of so many is not)".to_owned()
         } else if self.rounds == 0 || self.rounds > 100 {
             "`rounds` must be 1 to 100".to_owned()
@@ -230,6 +234,7 @@ impl LoopConfig {
             "`rounds` above 1 needs a [target]: without one, record the logs of the next round by hand"
                 .to_owned()
         } else if !(0.0..1.0).contains(&self.improvement) {
+            // A share of 1 would ask for a policy without any error.
             "`improvement` must be at least 0 and below 1".to_owned()
         } else if self.runs.is_empty() {
             "`runs` names no folder; \".\" is the current one".to_owned()
@@ -269,6 +274,7 @@ impl LoopConfig {
     /// Whether the fit finds joint intervals.
     fn has_draws(&self) -> bool {
         let (method, first) = (self.adapt.optimizer.method, self.adapt.costs.first());
+        // Only least squares has joint intervals. `auto` takes it for costs of short predictions.
         method != Method::CmaEs
             && first.is_some_and(|cost| cost.needs_imu() || method == Method::LeastSquares)
     }
@@ -276,6 +282,7 @@ impl LoopConfig {
     /// Holds `[adapt]` to the rules of `gaitfit fit`, before there are logs.
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
+        // The loop gives each round its folder; the rule against an empty name is not for it.
         adapt.runs = ".".to_owned();
         check::check(&adapt, path).map_err(|error| error.within("[adapt]"))
     }
@@ -296,6 +303,7 @@ impl LoopConfig {
             ..self.adapt.clone()
         };
         // Rounds draw different candidates, but not with `seeds = 0`: the device chooses their number later.
+        // Rounds count from 1.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
         adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(check::MAX_SEED);
         adapt

@@ -22,6 +22,7 @@ pub fn explained(error: &toml::de::Error) -> String {
 
 /// A message with what a number must be in words instead of the name of a type: "expected u32".
 fn in_words(message: &str) -> String {
+    // The reader's messages end in the name of a Rust type, which users need not know.
     let Some((before, name)) = message.rsplit_once("expected ") else { return message.to_owned() };
     let max = match name {
         "u8" => Some(u64::from(u8::MAX)),
@@ -48,6 +49,7 @@ pub fn located(path: &Path, text: &str, error: &toml::de::Error) -> Error {
 
 /// The place of a byte of a file, `:line:column`.
 pub fn line_and_column(text: &str, offset: usize) -> String {
+    // A place within a character has no text before it; the message then names the first line.
     let before = text.get(..offset.min(text.len())).unwrap_or_default();
     let line = before.matches('\n').count() + 1;
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
@@ -96,6 +98,7 @@ fn nearest(message: &str) -> String {
     if !message.starts_with("unknown ") {
         return String::new();
     }
+    // Texts between backquotes are every second part: first the unknown name, then the known ones.
     let mut quoted = message.split('`').skip(1).step_by(2);
     let Some(unknown) = quoted.next() else { return String::new() };
     let known: Vec<&str> = quoted.collect();
@@ -107,6 +110,7 @@ fn nearest(message: &str) -> String {
     }
     let scored = known.into_iter().map(|known| (strsim::jaro_winkler(unknown, known), known));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        // Below 0.6 the nearest name has little in common with the unknown one, and would mislead.
         Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
         _ => String::new(),
     }

@@ -295,6 +295,8 @@ impl AdaptConfig {
             return Ok(config);
         }
         self.rules().check_networks(model)?;
+        // Only a default states its numbers for hinges alone. A user's rule with numbers must not cover both
+        // kinds.
         let usual = walk_defaults().parameter;
         let parts = self.parameter.iter().map(|rule| rule.by_kind(model, usual.contains(rule)));
         config.parameter = parts.collect::<Result<Vec<_>, _>>()?.concat();
@@ -321,6 +323,7 @@ impl AdaptConfig {
 
     /// Whether every cost predicts single samples from what the sensors read before.
     fn sensed(&self) -> bool {
+        // `all` is true of an empty list, which compares nothing.
         !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu())
     }
 
@@ -338,6 +341,7 @@ impl AdaptConfig {
     /// Names of the joint groups with the patterns of their joints. The configuration states them. If it leaves the default
     /// and that does not cover all `joints`, each group holds the joints of one name on all legs.
     pub fn groups(&self, joints: &[String]) -> Vec<(String, Vec<String>)> {
+        // Groups that a user wrote are never replaced.
         let default = self.groups == Self::default().groups;
         if let Some(groups) = default.then(|| groups::by_name(joints)).flatten() {
             return groups;

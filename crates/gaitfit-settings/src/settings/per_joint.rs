@@ -5,6 +5,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Reads a value, saying what it may be if it is none of it.
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<PerJoint>, D::Error> {
+    // Read as any value first, so that the message can quote what is wrong.
     let value = toml::Value::deserialize(deserializer)?;
     let wrong = |_| {
         serde::de::Error::custom(format!(

@@ -171,6 +171,7 @@ fn every_joint() -> Vec<String> {
 impl TargetConfig {
     /// Whether a program measures that cannot be told how fast drift trials are.
     pub fn has_no_drift_speeds(&self) -> bool {
+        // Without a program there is none that must be told.
         !self.evaluate.is_empty() && self.evaluate.iter().all(|word| !word.contains("{drift_speeds}"))
     }
 
@@ -239,6 +240,7 @@ impl TargetConfig {
         {
             "`target.robot`, `target.interface` and `target.domain` are for kind = \"robot\""
         } else if self.domain > 232 {
+            // DDS computes its ports from the domain, 7400 + 250 for each. Beyond 232 there is no such port.
             "`target.domain` must be 0 to 232; robots are in 0, simulators in 1"
         // Domain 0 is where real robots are, so nothing may make a run less careful there.
         } else if real && self.domain == 0 && self.yes {

@@ -90,8 +90,10 @@ impl Task {
             return Ok(());
         }
         match self.other.take() {
+            // From here on the task has nothing of the Go2's.
             Some(settings) => self.settings = settings,
             None => {
+                // A task that no file completed, such as the default, lacks all of them.
                 let all = || ROBOT_KEYS.iter().map(|&key| key.to_owned()).collect();
                 let missing = if self.missing.is_empty() { all() } else { std::mem::take(&mut self.missing) };
                 return Err(not_the_go2(self.base.name(), model, file, &missing));
@@ -126,6 +128,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         }
         _ => return,
     };
+    // The name of the built-in task is no setting of a task, so it must not be laid upon the settings.
     let base = given.remove("base");
     let name = base.as_ref().and_then(|base| base.get_ref().as_str()).unwrap_or_default();
     // An unknown name is refused when the table is read, with its place.
@@ -231,6 +234,7 @@ pub fn load_task(path: &Path, under: &str, model: &Model) -> Result<TaskSettings
     let base = given.remove("base");
     let under = match base.as_ref().map(|base| (base.span(), base.get_ref().as_str())) {
         // A file with all settings needs nothing below it.
+        // A clone, because the reading takes the table, which is needed again if settings are missing.
         None => match whole(given.clone()) {
             Ok(settings) => return Ok(settings),
             Err(_) => DeTable::parse(under),

@@ -31,6 +31,7 @@ const COST: &str = "wass";
 
 /// Whether the settings are of walking logs: `base` says so, or there is a policy that walked.
 fn walks(table: &DeTable<'_>) -> bool {
+    // `base` decides where it is given. A value that is no text is refused when the table is read.
     match table.get("base").map(Spanned::get_ref) {
         Some(DeValue::String(base)) => base == "free",
         Some(_) => false,
@@ -49,6 +50,7 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
         return;
     }
     let given = std::mem::take(table);
+    // The text is a part of the program and is read by tests, so parsing it does not fail.
     let mut defaults = DeTable::parse(WALK_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
     trim(&mut defaults, &given);
     merge(&mut defaults, given);
@@ -58,6 +60,8 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
 /// Takes from the `defaults` of walking logs what does not go with the settings that a file has: parameters beside those
 /// that it chooses, the search of another cost.
 pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
+    // A fit of other parameters is another fit: the default lists, and what goes with them, are taken out
+    // together.
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
         FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));
@@ -65,6 +69,7 @@ pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
             OF_DEFAULTS.iter().for_each(|key| drop(simulation.remove(*key)));
         }
     }
+    // Other costs have a search of their own, whose settings are the defaults of a clamped robot's fit.
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
         FROM_LOGS_ALONE.iter().for_each(|key| drop(defaults.remove(*key)));
@@ -89,6 +94,7 @@ fn of_distributions(number: &DeValue<'_>) -> bool {
 
 /// Whether the first cost is that of the defaults.
 pub(super) fn searches_distributions(own: &DeTable<'_>) -> bool {
+    // A list that is left out is that of the defaults, which begins with `COST`.
     match own.get("costs").map(Spanned::get_ref) {
         Some(DeValue::Array(costs)) => {
             matches!(costs.iter().next().map(Spanned::get_ref), Some(DeValue::String(first)) if first == COST)

@@ -163,6 +163,7 @@ impl Comparison {
             false => format!("{:+.4} {unit}", of.mean),
         };
         let how = if self.paired { "paired" } else { "not paired" };
+        // Policies that follow a motion have no commands, so their velocity errors mean nothing.
         if let Some(motion) = self.motion_error {
             let count = self.trajectories;
             return format!(

@@ -73,6 +73,7 @@ impl GroundChoice {
     fn named(&self, error: Error) -> Error {
         match self {
             Self::Of { file: Some(file), .. } if error.to_string().contains("terrain.") => {
+                // The message names the setting as the file of --terrain does.
                 let what = error.to_string().replace("task.terrain.", "terrain.");
                 Error::settings(format!("--terrain {}: {what}", shown(file)))
             }
@@ -230,6 +231,7 @@ impl OnGround {
     /// The cell to show: of the first kind, on the last level that at least half of the robots cross, or the first.
     pub fn cell(&self) -> Cell {
         let Some(first) = self.results.first() else { return Cell::default() };
+        // Level 0 is shown even if most robots fail there.
         let mut level = 0;
         for result in self.results.iter().take_while(|result| result.ground == first.ground) {
             // Levels grow harder, so the first that fails ends the search.

@@ -223,6 +223,8 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
     // The robot settles for a second, then walks ahead at half of its greatest command.
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
+    // A gait ahead has no meaning for a robot that is not asked to go ahead, that fell, or that follows a
+    // motion.
     let walked = limits.x[1] > 0.0 && !record.fell && !follows;
     let summary = summarise(&trials);
     let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
@@ -273,6 +275,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
 fn drawn(world: &World, trials: &[Trial]) -> String {
     let TaskSettings { start, noise, randomisation, push, terrain, .. } = &world.scene.settings;
     let mut sum = Sha256::new();
+    // Commands are hashed as they were drawn: two tasks may draw the same ones from other settings.
     for number in trials.iter().flat_map(|trial| trial.command) {
         sum.update(number.to_bits().to_le_bytes());
     }
@@ -296,6 +299,7 @@ impl DriftResult {
         if self.name == "stand" {
             "stand".to_owned()
         } else {
+            // Only one of the three numbers is not 0.
             format!("{} {:.2}", self.name, (x + y + yaw).abs())
         }
     }
@@ -308,6 +312,7 @@ impl DriftResult {
     /// As pages draw it; `robots`: how many there were.
     pub fn drawn(&self, robots: usize) -> Drift {
         let [x, y, yaw] = self.command;
+        // The share is a quotient of whole numbers, so rounding gives the number of falls back.
         let falls = (self.fall_rate.mean * robots as f64).round();
         let unit = if yaw == 0.0 { "m/s" } else { "rad/s" };
         let name = if self.name == "stand" { self.label() } else { format!("{} {unit}", self.label()) };

@@ -86,6 +86,7 @@ pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>)
     let interface = &world.scene.walker.interface;
     let period = interface.control_dt;
     // A motion is followed to its end once, unless a length is given.
+    // A motion of one sample lasts 0 s, and a trajectory needs at least one control period.
     let whole = || motion::seconds(interface).map(|seconds| seconds.clamp(period, LONGEST));
     let seconds = settings.seconds.or_else(whole).unwrap_or(SECONDS);
     check_length("`seconds` (--seconds)", trajectories, seconds, period)?;
@@ -166,7 +167,9 @@ pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
 /// # Errors
 /// Settings out of range.
 pub fn check_length(key: &str, trajectories: usize, seconds: f64, period: f64) -> Result<(), Error> {
+    // In floating point, because the product of large settings would overflow a whole number.
     let steps = trajectories as f64 * seconds / period;
+    // NaN fails every comparison, so it is refused too.
     if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MAX_STEPS {
         return Ok(());
     }

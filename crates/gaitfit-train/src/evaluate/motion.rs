@@ -21,5 +21,6 @@ pub fn at_rest(walker: &Walker, seconds: f64) -> Option<f64> {
         let squares: f64 = pose.iter().zip(&first).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         (squares / first.len().max(1) as f64).sqrt()
     };
+    // At step 0 every robot is in the first pose, so the start does not count.
     Some((1..=steps).map(off).sum::<f64>() / f64::from(steps))
 }

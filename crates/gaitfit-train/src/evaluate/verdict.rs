@@ -32,6 +32,7 @@ pub struct Verdict {
 /// diverge, or the task asks for no walking.
 pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
     let (error, falls) = (evaluation.linear_velocity_error.mean, evaluation.fall_rate.mean);
+    // Documents of other programs may lack the share of falls: it is NaN then.
     if !falls.is_finite() {
         return None;
     }
@@ -46,6 +47,8 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
         let by_error = error / (FOLLOWS * standing_error(command));
         return Some(Verdict { walks: false, shortfall: (falls / FEW_FALLS).max(by_error), text });
     }
+    // Few enough robots diverge to pass the limit of falls. But their errors are in no mean, so the rest says
+    // too little.
     if evaluation.diverged > 0 {
         return None;
     }
@@ -55,6 +58,7 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
         return follows_motion(motion.mean, rest, &fallen);
     }
     let still = standing_error(command);
+    // A task that commands no velocity has nothing to follow.
     if still == 0.0 || !error.is_finite() {
         return None;
     }
@@ -82,6 +86,7 @@ fn follows_motion(off: f64, rest: f64, fallen: &str) -> Option<Verdict> {
     if !off.is_finite() || rest <= 0.0 {
         return None;
     }
+    // The same share as for commands: half of the error of a robot that does nothing.
     let walks = off < FOLLOWS * rest;
     let share = 100.0 * off / rest;
     let than =

@@ -35,6 +35,7 @@ pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> {
             "`ppo.{name}` is {asked:?}, and the policy has {own:?}: fine-tuning keeps its networks, leave it out"
         )))
     };
+    // Networks keep their shapes, because their weights are the start of the training.
     let actor = &policy.actor.shape;
     ppo.actor_hidden = kept("actor_hidden", &ppo.actor_hidden, &defaults.actor_hidden, &actor.hidden)?;
     if let Some(critic) = &policy.critic {
@@ -65,6 +66,7 @@ fn settle_memory(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), Error> 
         width: shape.outputs(),
         layers: shape.hidden.len(),
     });
+    // Settings that leave the memory open take the policy's.
     match (ppo.memory, kept) {
         (None, _) => {}
         (Some(asked), Some(kept)) if asked == kept => {}

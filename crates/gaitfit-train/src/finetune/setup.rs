@@ -64,6 +64,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     config.name = Some(run.clone());
     let mut files = Found::find(&files, &mut config, path)?;
     let (mut policy, policy_sha256) = policy::read(&files.policy)?;
+    // Checked next: the files are those that the settings were written for, and the fit may be trained in.
     let theta_sha256 = files.theta.as_deref().map(hash_file).transpose()?;
     // The hashes go into the written configuration, so that a resumed run finds changed files out.
     pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
@@ -188,6 +189,7 @@ fn plan(
 /// Usage, naming the setting.
 pub fn check(config: &FinetuneConfig, arguments: &WorldSettings, policy: &Policy) -> Result<(), Error> {
     let mut policy = policy.clone();
+    // The later training has a folder of its own, and `Plan::check` refuses an empty one.
     let mut config = FinetuneConfig { runs: ".".to_owned(), ..config.clone() };
     let (_, settings, _) =
         plan(&mut config, arguments, &mut policy, "finetune".to_owned()).map_err(Error::settings)?;
@@ -220,6 +222,7 @@ impl Found {
     /// The files asked for, else the configuration's, which then names the former. A file asked for need not have the
     /// hash that the configuration asks for.
     fn find(asked: &Files, config: &mut FinetuneConfig, path: Option<&Path>) -> Result<Self, Error> {
+        // The hash belongs to the file that the configuration names, not to the one that replaces it.
         if asked.policy.is_some() {
             config.policy_sha256 = None;
         }

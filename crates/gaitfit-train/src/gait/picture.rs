@@ -43,6 +43,7 @@ fn spectra(record: &GaitRecord) -> Vec<TorqueSpectrum> {
         let (frequency_hz, density) = record.torque_spectrum(wanted);
         TorqueSpectrum { group: name.to_owned(), frequency_hz, density }
     };
+    // No two joints share a name, so a spectrum for each would be as many curves as joints.
     if groups.len() == record.joints.len() {
         return vec![spectrum("all joints", &|_| true)];
     }

@@ -68,6 +68,7 @@ pub fn check_grown(protocol: &Protocol<'_, Asked>, plan: &Plan) -> Result<(), Er
 /// Names iterations or seeds that the run has and the settings now lack, with a remedy.
 fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
     let iterations = saved.get("train")?.get("iterations")?.as_integer()?;
+    // More iterations continue the training; fewer would ask for a state that was not kept.
     if i64::from(plan.train.iterations) < iterations {
         let now = plan.train.iterations;
         return Some(format!(
@@ -76,6 +77,7 @@ fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
         ));
     }
     let seeds = saved.get("seeds")?.as_array()?.iter().filter_map(Value::as_integer);
+    // A seed that is left out would stay in the folder without a result.
     let gone =
         seeds.into_iter().find(|&seed| !plan.seeds.iter().any(|&kept| i64::try_from(kept) == Ok(seed)))?;
     Some(format!(
@@ -130,6 +132,8 @@ fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
         if let Some(falls) = result.fall_rate.filter(|falls| *falls > MANY_FALLS) {
             return Some(format!("{:.0} % of its last episodes end in a fall", 100.0 * falls));
         }
+        // The replay has no noise and no pushes. Whoever falls there has not learnt to walk, whatever the
+        // episodes say.
         if let Some(time) = seed.shown.fell() {
             return Some(format!("It falls {time:.1} s into its replay"));
         }

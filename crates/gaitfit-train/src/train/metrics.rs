@@ -82,6 +82,7 @@ impl Metric {
             iteration: iteration.number + 1,
             samples: u64::from(iteration.number + 1) * tally.steps as u64,
             reward: tally.reward / tally.steps,
+            // Tallies are sums of floating-point numbers, but counts in them are whole.
             episodes: tally.episodes as u64,
             episode_return: ended(tally.episode_return),
             episode_seconds: ended(tally.episode_steps * dt),
@@ -125,6 +126,7 @@ impl Metric {
         known.iter().filter_map(|(name, value)| Some((name, (*value)?))).for_each(|(name, value)| {
             add(format!("train/{name}"), value);
         });
+        // These exist in every iteration; the ones above only if an episode ended or commands grow.
         add("train/linear_velocity_error".to_owned(), self.linear_velocity_error);
         add("train/angular_velocity_error".to_owned(), self.angular_velocity_error);
         if let Some(level) = self.terrain_level {

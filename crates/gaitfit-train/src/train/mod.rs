@@ -29,6 +29,7 @@ pub fn train(setup: &Setup, resume: bool, watch: &Watch<'_>) -> Result<Results, 
 /// Trains all seeds in this folder, or continues what it holds.
 pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Results, Error> {
     let protocol = files::protocol(folder, setup);
+    // Checked apart: iterations and seeds are free settings, so the protocol would let fewer of them pass.
     files::check_grown(&protocol, &setup.plan)?;
     setup.warnings.iter().for_each(|warning| watch.note(warning));
     protocol.run(watch, || {
@@ -40,6 +41,7 @@ pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<
 /// Trains the seeds one after the other, or as many at a time as there are groups of GPUs.
 fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Error> {
     let seeds = &setup.plan.seeds;
+    // A single group trains one seed after the other, on all devices that it has.
     let groups = setup.devices.groups(seeds.len());
     if let [all] = &groups[..] {
         return seeds.iter().try_for_each(|&seed| seed::train(setup, folder, seed, all, watch));

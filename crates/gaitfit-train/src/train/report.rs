@@ -33,6 +33,7 @@ pub fn page(
             "the last {LAST} iterations of training, with its noise, pushes and varied robots"
         ),
         seeds: trained.iter().map(|seed| curve(&seed.result, &seed.metrics)).collect(),
+        // Picture, caption and replay are of the first seed; links lead to the others.
         gait: first.map(|seed| gait::picture(&seed.shown.record)),
         gait_caption: first
             .map(|seed| format!("Seed {}, {GAIT_CAPTION}.", seed.result.seed))
@@ -110,6 +111,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
     // Names come from the first iteration: all have the same.
     let names = metrics.first().map(|metric| diagnostics(&metric.ppo).map(|(name, _)| name));
     let learner = names.into_iter().flatten().enumerate().map(|(index, name)| Series {
+        // The adaptive learning rate is multiplied by factors, which a logarithmic axis shows evenly.
         log: name == "learning_rate",
         ..series(&name.replace('_', " "), "", &|metric| diagnostics(&metric.ppo)[index].1)
     });

@@ -119,6 +119,7 @@ pub struct SeedResult {
 impl SeedResult {
     /// The result of a seed's metrics; `folder`: where its files are.
     pub fn new(seed: u64, metrics: &[Metric], gait: GaitSummary, folder: &std::path::Path) -> Self {
+        // A training with fewer iterations than `LAST` is the mean of all of them.
         let last = &metrics[metrics.len().saturating_sub(LAST)..];
         let mean = |value: fn(&Metric) -> f64| last.iter().map(value).sum::<f64>() / last.len().max(1) as f64;
         let episodes: f64 = last.iter().map(|metric| metric.episodes as f64).sum();

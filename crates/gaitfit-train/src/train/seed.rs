@@ -55,6 +55,8 @@ pub fn train(
     folder.make(&files.folder)?;
     let learner = setup.learner(seed).map_err(Error::settings)?;
     let settings = &setup.plan.train;
+    // With draws of a fit, each robot of the training varies around one of them. Otherwise all vary around
+    // one robot.
     let training = if setup.drawn.is_empty() {
         Training::new(&setup.scene, setup.candidate.as_ref(), settings, learner, seed)
     } else {
@@ -111,6 +113,7 @@ impl Session<'_> {
             // Before the first iteration, so that a run that dies early can be resumed as well.
             None => self.save()?,
         }
+        // The checkpoint is restored on the CPU, and a GPU then takes its state from there.
         let gpus = self.devices.open()?;
         if !gpus.is_empty() && self.setup.scene.user_terms.is_some() {
             return Err(Error::settings(
@@ -137,6 +140,8 @@ impl Session<'_> {
 
     /// Writes policy and checkpoint. The checkpoint comes last: what it counts as done is on the disk.
     fn save(&mut self) -> Result<(), Error> {
+        // On a GPU the state of the last iterations is in its memory only. It is copied here before it is
+        // written.
         if let Some(trainer) = &self.trainer {
             store_training(trainer, &mut self.training)?;
         }
@@ -192,6 +197,7 @@ impl Session<'_> {
             let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
             let step = u64::from(metric.iteration);
             events.scalars(step, now.as_secs_f64(), &scalars).map_err(unwritable)?;
+            // A rollout has the same number of samples in every iteration.
             let steps = self.setup.plan.train.environments * self.setup.plan.train.steps;
             counting.metrics(&scalars);
             counting.step(metric.iteration as usize, steps, &state(&metric));

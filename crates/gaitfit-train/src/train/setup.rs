@@ -190,6 +190,7 @@ impl Setup {
         let candidates = if self.drawn.is_empty() { self.candidate.as_slice() } else { &self.drawn };
         let (device, note) = self.devices.first().for_training(&self.scene, candidates, learner)?;
         self.warnings.splice(0..0, note);
+        // The first device decides for all: where it cannot train this, the others are not asked.
         if !self.devices.are_gpus() || device.gpu().is_none() {
             self.devices = device.into();
             return Ok(());
@@ -251,6 +252,7 @@ impl Plan {
     /// Refuses settings out of range.
     pub fn check(&self) -> Result<(), Error> {
         let seeds = &self.seeds;
+        // Saturating, because both numbers come from a user and are checked only below.
         let samples = self.train.environments.saturating_mul(self.train.steps);
         let wrong = if seeds.is_empty() || seeds.len() > MAX_SEEDS {
             format!("`seeds` has {} numbers; give 1 to {MAX_SEEDS}", seeds.len())

@@ -23,6 +23,7 @@ pub fn show(setup: &Setup, policy: &Policy) -> Result<Shown, Error> {
     // its robots had.
     let task = if setup.candidate.is_some() { settings.calm() } else { settings.nominal() };
     let interface = policy.interface.clone();
+    // The simulator keeps as many past targets as the fitted robot's delay needs.
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
     let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset, delay)?;
     let seed = policy.provenance.seed;

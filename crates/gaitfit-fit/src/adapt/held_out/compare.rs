@@ -222,6 +222,7 @@ fn cost_against(
     let reference = Reference::new(joints.to_vec(), &recorded, 0).ok()?.without_angles(set.wheels());
     // Falls are judged by their number: as many as chance explains do not make the walks before them less alike.
     let (logs, rate) = (set.logs.len() as f64, set.reference.fall_rate());
+    // Divided by the number of logs it is a share again, as the reference takes it.
     let by_chance = max_falls_by_chance(rate * logs, set.falling.falls) as f64 / logs;
     let reference = Arc::new(reference.with_fall_rate(by_chance.min(1.0)));
     let cost = CostKind::Wass.build(&reference, set.simulator.as_ref()).ok()?;
@@ -258,6 +259,7 @@ fn shuffled(draw: u32, count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     // Fisher and Yates's shuffle.
     for place in 0..count.saturating_sub(1) {
+        // Each place takes one of the numbers that are left, with the same probability.
         let left = (count - place) as f64;
         order.swap(place, place + (stream.uniform(place as u32) * left) as usize);
     }
@@ -328,6 +330,8 @@ fn distances(
             };
             let floor: Vec<f64> =
                 drawn.iter().filter_map(|breakdown| scaled(breakdown, signal, joint)).collect();
+            // A distance in the cost is one of signals whose range is 2. Divided by the scale it has the
+            // signal's unit.
             rows.push(Distance {
                 joint: name.clone(),
                 signal,

@@ -131,6 +131,8 @@ impl HeldOut {
         if self.trials.as_ref().is_some_and(Trials::explained) {
             return Verdict::Explained;
         }
+        // From here on the fit is judged by halves of blocks. `self.cost` has twice as many samples and
+        // cannot be set beside them.
         let Some(floor) = &self.floor else { return Verdict::Unknown };
         let upper = floor.mean + floor.range95;
         // The part of the nominal robot's excess that the fit leaves.
@@ -162,6 +164,8 @@ impl HeldOut {
     /// Max number of logs with a fall that are no doubt: 2 % of them, or the number that chance explains if the fitted robot falls
     /// as often as the real one.
     fn max_falls(&self) -> usize {
+        // The rate comes from a few falls, so it is uncertain itself: `max_falls_by_chance` takes their
+        // number into account.
         let expected = self.robot_fall_rate * self.logs as f64;
         max_falls_by_chance(expected, self.robot_falls).max((CHANCE * self.logs as f64) as usize)
     }
@@ -224,6 +228,7 @@ impl HeldOut {
                 number(self.cost)
             );
         };
+        // A floor of 0 has no multiples, so the factor is left out there.
         let how = match (verdict, floor.cost) {
             (Verdict::Explained, _) => "as well as other seconds of the same walks do".to_owned(),
             (_, Some(cost)) if floor.mean > 0.0 => {

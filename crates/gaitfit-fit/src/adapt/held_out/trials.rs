@@ -51,6 +51,7 @@ pub(super) fn pairs(held: &[Log], others: &[Log]) -> Vec<(usize, usize)> {
 fn same(one: &Log, other: &Log) -> bool {
     let (Some(a), Some(b)) = (&one.trajectory.command, &other.trajectory.command) else { return false };
     let count = a.len().min(b.len());
+    // Rows stand for the same times only if both logs have the same rate, but for the error of their clocks.
     let alike = (one.trajectory.dt() / other.trajectory.dt() - 1.0).abs() < 0.01;
     let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum();
     alike && count > 0 && one.path != other.path && sum <= SAME * count as f64

@@ -70,6 +70,7 @@ impl Leftover {
 
     /// The doubt that the simulator lacks something.
     pub(super) fn doubt(&self) -> Option<Doubt> {
+        // Smooth targets are tried even if the errors forget, so a suspect may stand alone.
         let mut text = match (self.remembers(), &self.suspect) {
             (false, None) => return None,
             (false, Some(_)) => String::new(),
@@ -108,15 +109,20 @@ impl Leftover {
         let hidden = self.reach.get(at).copied().flatten().map(|reach| HIDDEN * reach);
         let margin = hidden.unwrap_or(0.0);
         let value = parameter.found.value;
+        // Within the margin the interval covers the other end already.
         if let Some(end) = self.end.get(at).filter(|end| (*end - value).abs() > margin) {
             parameter.reach(end - margin);
             parameter.reach(end + margin);
         }
+        // Least squares knows no error of the simulator, so its intervals always widen. Others widen if the
+        // errors remember.
         if let Some(hidden) = hidden.filter(|_| self.memory > REMEMBERS || self.noise_alone) {
             parameter.blur(hidden);
         }
         if let Some(moved) = self.suspect.as_ref().and_then(|suspect| suspect.moved.get(at)) {
             let end = self.end.get(at).unwrap_or(moved);
+            // The way is counted from where the search without the suspect ended, because `moved` was found
+            // from there.
             parameter.reach(moved + FURTHER * (moved - end));
         }
     }

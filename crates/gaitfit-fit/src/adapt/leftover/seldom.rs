@@ -33,6 +33,7 @@ pub(super) fn ramped(
         let mut fine = finer(&log.trajectory, parts);
         let (width, longest) = (fine.joints.len(), (HELD_S / fine.dt()) as usize);
         let held = fine.target.clone();
+        // Logs without targets cannot be replayed, so all logs of a fit have them.
         if let Some(target) = fine.target.as_mut() {
             ramp(target, width, longest);
         }
@@ -42,6 +43,7 @@ pub(super) fn ramped(
         log.filled.clear();
         log.trajectory = fine;
     }
+    // With a longer step every target of the log lasts as long as one that is held on purpose.
     if !seldom || step > HELD_S {
         return Ok(None);
     }

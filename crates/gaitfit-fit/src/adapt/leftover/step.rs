@@ -14,6 +14,7 @@ const PARTS: usize = 4;
 pub(super) fn finer(setup: &Setup, problem: Problem<'_>, values: &[f64]) -> Result<Option<Suspect>, Error> {
     let Method::Replay(clamped) = &setup.method else { return Ok(None) };
     let logs = &setup.fit.logs;
+    // A sample has a largest number of steps. Beyond it a shorter step cannot be tried.
     let Ok(simulator) = clamped.finer(setup.base.clone(), logs, PARTS) else { return Ok(None) };
     let step = clamped.step(logs) / PARTS as f64;
     let minimum = descend(Problem { simulator: &simulator, ..problem }, values, STEPS, TOLERANCE);

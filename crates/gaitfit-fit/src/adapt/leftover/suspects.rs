@@ -63,11 +63,13 @@ pub(super) struct Suspicion {
 pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
     let rule = |kind, per| ParameterRule { per, ..ParameterRule::new(kind) };
     let within = |lower, upper, rule| ParameterRule { lower: Some(lower), upper: Some(upper), ..rule };
+    // The bounds are wide, because a stated gain may be wrong by a large factor.
     let scale = |kind| within(0.1, 10.0, ParameterRule::new(kind));
     let suspicions = [
         Suspicion {
             what: "a delay",
             remedy: "add a [[parameter]] of kind \"delay\"",
+            // The clamped simulator keeps targets for 50 ms if no delay is fitted, see `SUSPECTED_DELAY`.
             rules: vec![within(0.0, 0.05, rule(JointParameter::Delay, Sharing::All))],
             numbers: Vec::new(),
         },
@@ -118,6 +120,7 @@ impl Suspicion {
         problem: Problem<'_>,
         values: &[f64],
     ) -> Result<Option<Suspect>, Error> {
+        // A suspicion is only tried: one that this robot cannot have does not stop the fit.
         let Ok(theta) = beside(setup, self.rules, self.numbers) else { return Ok(None) };
         // Fitted parameters begin where the fit ended, new ones at their start.
         let fitted = setup.theta.entries();

@@ -20,6 +20,7 @@ pub struct Helper {
 
 /// The bits of what the robot costs where the search begins, with every cost.
 pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
+    // Seed 0 and draw 0 on every machine: two marks differ only if their arithmetic does.
     let job = |cost: usize| Job { cost, values: setup.theta.start(0), draw: 0 };
     let jobs: Vec<Job> = (0..setup.costs.len()).map(job).collect();
     let evaluations =
@@ -118,6 +119,8 @@ impl Helper {
     }
 
     fn simulator(&self, number: usize) -> Result<&dyn Simulator, FitError> {
+        // The numbers are those that `Setup::shared` gave: 0 is the search's simulator, then the alternatives
+        // in order.
         if number == 0 {
             return Ok(self.setup.searched().simulator.as_ref());
         }

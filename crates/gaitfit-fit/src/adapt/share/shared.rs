@@ -121,6 +121,7 @@ impl Simulator for Shared {
         let Some(numbers) = numbers.filter(|_| !self.stays(pieces.len())) else {
             return self.local.costs(theta, costs, jobs, cancel);
         };
+        // A caller may pass some of the costs alone. Helpers count them in the order of the setup.
         let named = |job: &Job| Job { cost: numbers[job.cost], ..job.clone() };
         let mut evaluations: Vec<Option<Evaluation>> = vec![None; jobs.len()];
         let take = |piece, answer: &[u8]| put(&mut evaluations, piece, read(answer)?);

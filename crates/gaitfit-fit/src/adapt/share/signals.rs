@@ -8,6 +8,7 @@ pub(super) fn write(predictions: &[Vec<Predicted>]) -> Vec<u8> {
     let mut bytes = Vec::new();
     for one in predictions.iter().flatten() {
         let fell = one.fell_at.map_or(0, |sample| sample as u64 + 1);
+        // 0 is no fall, so the number of the sample is one more.
         bytes.extend(fell.to_le_bytes());
         let optional = [&one.action, &one.base_position, &one.base_velocity];
         let matrices =
@@ -61,6 +62,7 @@ fn number(rest: &mut &[u8]) -> Option<usize> {
 
 fn matrix(rest: &mut &[u8]) -> Option<Option<Vec<f32>>> {
     let Some(count) = number(rest)?.checked_sub(1) else { return Some(None) };
+    // The length comes from another process. Both checks refuse a length that the bytes do not hold.
     let (bytes, others) = rest.split_at_checked(count.checked_mul(size_of::<f32>())?)?;
     *rest = others;
     let (numbers, _) = bytes.as_chunks::<4>();

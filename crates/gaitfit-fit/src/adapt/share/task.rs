@@ -59,11 +59,13 @@ impl Values {
     /// The values of `theta`. `entries`: names of the fit's own entries. `theta` may have more entries: they are springs of
     /// single joints.
     pub fn new(theta: &Theta, entries: &[String]) -> Self {
+        // The robot before the fit is simulated with an empty θ.
         if theta.is_empty() {
             return Self::None;
         }
         let mut springs: Vec<String> = Vec::new();
         for entry in theta.entries().iter().filter(|entry| !entries.contains(&entry.name)) {
+            // Stiffness and torque of one spring name the same joint, which is asked for once.
             springs.extend(
                 entry.joints.iter().filter(|joint| !springs.contains(joint)).cloned().collect::<Vec<_>>(),
             );

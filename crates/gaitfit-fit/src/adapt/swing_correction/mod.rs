@@ -179,6 +179,7 @@ impl Robot<'_> {
         if !groups_of(&real).eq(groups_of(report)) {
             return Err("other joints swing at the policy's rate than at that of the logs".to_owned());
         }
+        // From here the simulated robots: their parameters are the numbers that the real report has.
         let theta = theta_of(&real, self.model).map_err(|error| error.to_string())?;
         let mut config = self.config.clone();
         config.simulation.robot_timestep.get_or_insert(STEP_S);
@@ -196,6 +197,7 @@ impl Robot<'_> {
         let logs: Vec<Trajectory> = with_gains.iter().map_while(short).collect();
         let recorder = Recorder::new(Arc::new(walking), self.base.clone(), &logs.iter().collect::<Vec<_>>());
         let groups = groups_of(&real).map(str::to_owned).collect();
+        // Both rounds are counted. The second is left out where torque noise cannot explain the logs.
         let counting = watch.begin(Work {
             what: "legs in the air, simulated robot",
             total: FIRST_ROBOTS + ROUNDS * robots_for(numbers_of(&real)),
@@ -245,6 +247,7 @@ impl World<'_> {
             .zip(kinds(uncorrected.len()))
             .map(|(error, kind)| WIDTH * error.max(MIN_ERRORS[kind]))
             .collect();
+        // The last number is the noise. Its region must not shrink to 0 where the real robot shows no noise.
         half.push((0.5 * noise).max(0.2 * NOISE * NOISE));
         // The estimates, and the residual in units of the noise's variance.
         // The residual is one more observation, which shows the noise.
@@ -263,6 +266,8 @@ impl World<'_> {
         let mut answer = None;
         // If torque noise cannot explain the logs, there is no correction. One round is enough for the comparison.
         let rounds = if too_large.is_some() { 1 } else { ROUNDS };
+        // Each round draws robots around the centre, lets them walk, and asks which values give the real
+        // estimates.
         for round in 0..rounds {
             // Numbers of robots continue from round to round, so that no two have the same draws.
             let first = FIRST_ROBOTS + round * robots_for(centre.len());
@@ -289,6 +294,7 @@ impl World<'_> {
         }
         let Answer { values, errors } = answer.ok_or(ALIKE)?;
         // Errors as large as the region that was drawn: the estimates hardly answer to the values.
+        // `half` is the same in all rounds, so it measures the region of the last one.
         if errors.iter().zip(&half).any(|(error, half)| *error > MAX_ERROR * half) {
             return Err(ALIKE.to_owned());
         }
@@ -344,6 +350,7 @@ impl World<'_> {
 
     fn observe_part(&self, robots: &[NoisyRobot], effects: bool) -> Result<Vec<Option<SwingReport>>, String> {
         if self.watch.stop() {
+            // The caller asks `watch` too, so these robots are not taken for robots that fell.
             return Ok(vec![None; robots.len()]);
         }
         let recorded = self

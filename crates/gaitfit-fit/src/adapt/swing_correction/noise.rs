@@ -50,6 +50,7 @@ impl World<'_> {
         let too_large = (variance.sqrt() > max).then(|| {
             format!("the logs leave more unexplained than torque noise of {max:.2} N·m would, so the model lacks an effect")
         });
+        // Bounded even where it is too large: the robots of the comparison must still walk.
         Ok(Noise { variance: variance.min(max * max), slope, group, too_large })
     }
 }

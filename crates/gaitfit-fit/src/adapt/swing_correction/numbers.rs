@@ -16,11 +16,13 @@ pub(super) fn numbers_of(report: &SwingReport) -> usize {
 
 /// Friction, damping and armature of each group, then the delay.
 pub(super) fn values_of(report: &SwingReport) -> Vec<f64> {
+    // `slots` gives places to write to, so that there is one order for reading and for writing.
     slots(&mut report.clone()).map(|one| one.value).collect()
 }
 
 /// The kind of each value, as its index in `MIN_ERRORS`.
 pub(super) fn kinds(count: usize) -> impl Iterator<Item = usize> {
+    // Three numbers for each group, and the delay as the last one of all.
     (0..count).map(move |at| if at + 1 < count { at % 3 } else { 3 })
 }
 
@@ -50,6 +52,7 @@ pub(super) fn theta_of(report: &SwingReport, model: &Model) -> Result<Theta, The
         })
     };
     let delay = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) };
+    // The entries of θ have the order of `values_of`, so that lists of values fit both.
     let rules: Vec<ParameterRule> = report.groups.iter().flat_map(of_group).chain([delay]).collect();
     Theta::from_rules(&rules, &[], &joints)
 }

@@ -46,6 +46,8 @@ impl Response {
         // Only the part beyond one to one is learnt.
         let apart = &estimates - &values;
         // The eigenvectors do not depend on the number that is learnt, so they are computed once.
+        // With the eigenvectors a ridge regression of any penalty is a division, so the passes below cost
+        // little.
         let parts = (values.transpose() * &values).symmetric_eigen();
         let turned = parts.eigenvectors.transpose() * values.transpose();
         let mut slopes = DMatrix::<f64>::identity(width, width);
@@ -69,6 +71,7 @@ impl Response {
                     // near 1; the bound keeps its residual finite.
                     let lever: f64 = column.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
                     left[(row, at)] =
+                        // 1 / count is the lever of the mean, which was taken away before.
                         (wanted[row] - fitted[row]) / (1.0 - lever - 1.0 / count as f64).max(0.1);
                 }
                 scatter = left.column(at).norm_squared() / count as f64;

@@ -147,6 +147,7 @@ fn play_of_swings(effect: &Effect) -> Option<Named> {
     let Estimate { value, error } = effect.beyond();
     effect.without?;
     let [slack, share] = SLACK;
+    // Play makes the response smaller, so the sign counts: a joint that responds more has no play.
     let shows = value < slack && effect.sure() > SURE && effect.share > share;
     if !shows {
         return None;
@@ -167,6 +168,8 @@ fn odd_friction(effect: &Effect, swings: Option<&SwingReport>) -> Option<Named> 
         return None;
     }
     let siblings = swings?.groups.iter().find(|group| group.joints.contains(&effect.of))?;
+    // At least the smallest size that matters: a group with almost no friction would make any difference too
+    // odd.
     if value.abs() >= TOO_ODD * siblings.friction.value.max(matters::FRICTION) {
         return None;
     }
