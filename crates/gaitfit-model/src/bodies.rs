@@ -260,6 +260,7 @@ impl<'c, 's> BodyReader<'c, 's> {
             }
         }
         let c = self.compiler;
+        // <compiler> may demand a least mass and least moments.
         inertial.mass = inertial.mass.max(c.bound_mass);
         inertial.inertia = inertial.inertia.map(|i| i.max(c.bound_inertia));
         check_inertia(self.ctx, element.at, &element.label(), inertial, c.balance_inertia)

@@ -59,6 +59,7 @@ pub(crate) fn candidates(
         let (body, geom) = geoms[g];
         match geom.kind {
             GeomKind::Plane => welds[body] == 0,
+            // A box of the robot itself is a geom of it, even where it is fixed to the world.
             GeomKind::Field(_) | GeomKind::Solid(Shape::Box { .. }) => welds[body] == 0 && !robot[body],
             _ => false,
         }

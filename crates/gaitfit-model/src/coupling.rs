@@ -169,6 +169,7 @@ pub(crate) fn read_couplings<'e>(
         };
         let mut form = defaults.class(class).coupling.clone();
         form.apply(ctx, &mut a)?;
+        // MuJoCo's default: the follower moves as its leader does.
         let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "polycoef", &mut polynomial)?;
         let Some(follower) = a.text("joint1").filter(|name| !name.is_empty()) else {

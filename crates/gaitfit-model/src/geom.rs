@@ -253,6 +253,7 @@ impl GeomForm {
             let why = "shapes are solid here";
             ctx.refuse(element.at, what, why, "give the body an <inertial>, and remove it")?;
         }
+        // A stated mass goes before the density, as in MuJoCo.
         let mass = self.mass.unwrap_or(self.density * solid.volume());
         if !mass.is_finite() {
             return Err(ctx.invalid(

@@ -129,6 +129,7 @@ impl JointForm {
         let mut j = self.joint.clone();
         j.name = element.get("name").unwrap_or("").to_string();
         j.kind = kind;
+        // The file writes axis and anchor in the axes of the enclosing frames.
         j.axis = unit(rotate(frame.1, j.axis)).ok_or_else(|| {
             ctx.invalid(at, format!("{}: the axis is zero", element.label()), "give a direction")
         })?;

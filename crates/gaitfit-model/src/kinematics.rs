@@ -42,6 +42,7 @@ pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
             Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,
         };
+        // Several joints of one body act in list order, as in MuJoCo.
         for (joint, &position) in model.joints.iter().zip(q).filter(|(joint, _)| joint.body == index) {
             frame = joint.moved(&frame, position);
         }
@@ -103,6 +104,7 @@ impl Reach {
         let rise = |edge: Vec3| rotate(body, edge)[2].abs();
         let edges = rise(self.edges[0]) + rise(self.edges[1]) + rise(self.edges[2]);
         let slope = rotate(body, self.axis)[2];
+        // Rounding may bring the slope of an upright axis above 1.
         edges + self.rim * (1.0 - slope * slope).max(0.0).sqrt() + self.radius
     }
 }

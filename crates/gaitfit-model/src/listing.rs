@@ -56,6 +56,7 @@ impl Model {
             (group.line, group.last_line) = (group.line.min(dropped.line), group.last_line.max(dropped.line));
         }
         let named = |(group, kind): (LeftOut, String)| match group.count {
+            // A single thing keeps its name.
             1 => group,
             count => {
                 // The name stands between the first two quotation marks.

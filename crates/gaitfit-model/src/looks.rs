@@ -115,6 +115,7 @@ fn read(path: &Path, model: &Model) -> Looks {
     let mut thin = files.pool.thinned(MAX_TRIANGLES);
     places.retain(|place| !thin[place.mesh].triangles.is_empty());
     let middles: Vec<Vec3> = thin.iter_mut().map(centred).collect();
+    // Meshes without a place on a link are left out, so the others get new numbers.
     let (mut meshes, mut numbers) = (Vec::new(), vec![None; thin.len()]);
     for place in &mut places {
         (place.pos, place.quat) = compose((place.pos, place.quat), (middles[place.mesh], IDENTITY));

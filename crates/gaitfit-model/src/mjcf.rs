@@ -182,6 +182,7 @@ fn read_actuators(
         let mut form = defaults.class(class).actuator.clone();
         a.ignore(&["name"]);
         form.apply(ctx, &mut a)?;
+        // The other attributes of an actuator that was dropped do not matter.
         if let Some(actuator) = form.finish(ctx, element, &mut a, compiler, &joints)? {
             a.finish(ctx)?;
             spec.actuators.push(actuator);
@@ -200,6 +201,7 @@ fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<()
             return Err(ctx.too_many(element.at, "keyframes", MAX_ITEMS));
         }
         let mut a = Attributes::new(element);
+        // MuJoCo fills in an empty attribute as if it were absent.
         let filled = |values: Option<Vec<f64>>| values.filter(|v| !v.is_empty());
         let key = KeySpec {
             at: element.at,

@@ -99,6 +99,7 @@ impl Compiler {
         a.set_nonnegative(ctx, "boundmass", &mut self.bound_mass)?;
         a.set_nonnegative(ctx, "boundinertia", &mut self.bound_inertia)?;
         if let Some(mass) = a.number(ctx, "settotalmass")? {
+            // Zero and less leave the masses as they are.
             self.total_mass = (mass > 0.0).then_some(mass);
         }
         if a.word(ctx, "coordinate", &["local", "global"])? == Some(1) {

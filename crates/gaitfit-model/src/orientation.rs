@@ -20,6 +20,7 @@ pub(crate) struct AngleUnits {
 
 impl Default for AngleUnits {
     fn default() -> Self {
+        // MuJoCo's defaults.
         Self { degree: true, eulerseq: *b"xyz" }
     }
 }

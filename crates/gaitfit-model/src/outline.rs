@@ -130,6 +130,7 @@ impl Meshes {
         compiler: &Compiler,
         defaults: &Defaults,
     ) -> Result<(), ModelError> {
+        // A text has no folder to look in, and only a mending reading has a use for meshes.
         let Some(folder) = ctx.sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
         for element in asset.children.iter().filter(|child| child.name == "mesh") {
             let mut a = Attributes::new(element);
@@ -168,6 +169,7 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
         Some(("file", path)) => (None, path),
         _ => (None, filename),
     };
+    // Files from Windows have backslashes.
     let base = rest.rsplit(['/', '\\']).next().unwrap_or(rest);
     let mut places = vec![folder.join(rest), folder.join(mesh_folder).join(base)];
     if let Some(package) = package {
@@ -178,6 +180,7 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
             places.push(above.join(rest));
         }
     }
+    // Where no place has the file, the error names the place that the robot file states.
     let present = places.iter().find(|path| path.is_file()).cloned();
     present.unwrap_or_else(|| places.swap_remove(0))
 }

@@ -53,6 +53,7 @@ pub(crate) fn read_contact(
                     *end = number.ok_or_else(|| unknown(ctx, child, "body", wanted))?;
                 }
                 a.finish(ctx)?;
+                // In ascending order, as contacts ask for them.
                 excludes.push((ends[0].min(ends[1]), ends[0].max(ends[1])));
             }
             "pair" => {

@@ -83,6 +83,7 @@ impl Pattern {
 
     /// Whether it matches the joint.
     pub fn covers(&self, joint: &str) -> bool {
+        // The pattern may end in `_joint` where the joint does not, or the other way round.
         self.whole.is_match(joint) || self.plain.is_match(plain(joint))
     }
 

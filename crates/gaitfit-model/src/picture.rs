@@ -37,6 +37,7 @@ pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), 
     }
     let (channels, line) = (info.color_type.samples(), info.line_size);
     let lines = bytes.chunks(line.max(1)).take(rows).collect::<Vec<_>>();
+    // MuJoCo's first row is the lowest line of the picture.
     let values = lines.iter().rev().flat_map(|line| line.chunks_exact(channels).take(columns));
     let data: Vec<f32> = values.filter_map(|point| point.first()).map(|&grey| f32::from(grey)).collect();
     if data.len() != rows * columns {

@@ -247,6 +247,7 @@ pub fn from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat {
 /// the body's left axis, which stays level on four legs and on two.
 pub fn heading<T: Scalar>(q: Quat<T>) -> T {
     let left = axes(q)[1];
+    // The left axis, turned back by a quarter turn, points forward.
     (-left[0]).atan2(left[1])
 }
 

@@ -89,6 +89,7 @@ pub fn argument(path: &Path) -> String {
         return text.into_owned();
     }
     if text.chars().any(commands) {
+        // The path's own backslashes come first: `escaped` adds others for control characters.
         let inner = text.replace('\\', "\\\\").replace('\'', "\\'");
         return format!("$'{}'", escaped(&inner, MAX_PATH_CHARS));
     }

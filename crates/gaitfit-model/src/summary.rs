@@ -166,6 +166,7 @@ impl Model {
             sum = sum.zip(bound).map(|(total, b): (f64, f64)| total + actuator.gear.abs() * b);
         }
         let driven = self.actuators.iter().any(|a| a.joint == index);
+        // A joint without actuators has a sum of 0, which is no bound.
         match (clamp, sum.filter(|_| driven)) {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),

@@ -75,6 +75,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
     Some(match shape {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } if radius <= max => return None,
         Shape::Sphere { radius } => {
+            // The small balls touch the large one from inside, where its axes end.
             let far = radius - small;
             let tip = |axis: usize, sign: f64| {
                 let mut position = [0.0; 3];
@@ -108,6 +109,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
             order.sort_by(|&a, &b| half_size[a].total_cmp(&half_size[b]));
             let [thin, middle, long] = order;
             let radius = half_size[thin];
+            // Narrow enough for a single capsule along the longest side.
             if half_size[middle] <= max {
                 let quaternion = [TO_X, TO_Y, IDENTITY][long];
                 let half_length = half_size[long] - radius;

@@ -36,6 +36,7 @@ impl Model {
             text.push_str("-->\n");
         }
         let _ = writeln!(text, "<mujoco model={}>", quoted(&self.name));
+        // Bodies state their masses, and geoms must not add to them.
         text.push_str("  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n");
         self.write_options(&mut text);
         text.push_str("  <worldbody>\n");
@@ -313,6 +314,7 @@ fn pose(line: &mut String, pos: [f64; 3], quat: [f64; 4]) {
 }
 
 fn attribute(line: &mut String, name: &str, values: &[f64]) {
+    // `to_string` writes the fewest digits that read as the same number again.
     let words: Vec<String> = values.iter().map(|value| value.to_string()).collect();
     let _ = write!(line, " {name}=\"{}\"", words.join(" "));
 }

@@ -70,6 +70,7 @@ impl Batch {
         if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
             return refuse("substeps", options.substeps.to_string(), "from 1 to 1000");
         }
+        // Written with `!`, so that NaN is refused too.
         if !(options.control_dt > 0.0 && options.control_dt <= MAX_SECONDS) {
             return refuse("control_dt", options.control_dt.to_string(), "above 0 and at most 1 s");
         }

@@ -213,6 +213,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
 /// # Errors
 /// A robot without one, or without joints in threes.
 pub fn standing(model: &Model) -> Result<(f64, Vec<f64>), SimError> {
+    // A free base has seven numbers: a position and a quaternion.
     let floats = model.nq() == 7 + model.joints.len() && model.joints.len().is_multiple_of(3);
     match model.keyframes.first().filter(|_| floats) {
         Some(key) => Ok((key.qpos[2], key.qpos[7..].to_vec())),

@@ -77,6 +77,7 @@ pub fn modifications<T: Real>(
     parts: Parts,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
     let others = parts.modifications(model.joints.len()).into_iter().map(Ok);
+    // Memories of sensors are looked for behind those of networks, so the networks come first.
     networks.iter().map(|one| one.compile::<T>(model)).chain(others).collect()
 }
 
@@ -107,6 +108,7 @@ impl Candidate {
     /// The robot with the given gains (one a model joint), and the candidate's factors on them multiplied in.
     pub fn robot(&self, kp: &[f64], kd: &[f64]) -> Robot {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
+        // The factors are in the products now and must not act twice.
         let ones = vec![1.0; kp.len()];
         Robot {
             kp: product(&self.robot.kp_scale, kp),

@@ -154,11 +154,13 @@ impl Replay {
     /// Physics steps that one candidate costs.
     pub fn steps_per_candidate(&self) -> usize {
         let joints = self.model.joints.len();
+        // A recording of n samples has n − 1 periods.
         self.recordings.iter().map(|r| (r.target.len() / joints - 1) * self.options.substeps).sum()
     }
 }
 
 fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
+    // The divisor is kept from 0; the next line refuses a robot without joints.
     let samples = recording.target.len() / joints.max(1);
     if joints == 0 || !recording.target.len().is_multiple_of(joints) {
         return Err(format!("{} target values are not rows of {joints} joints", recording.target.len()));

@@ -4,6 +4,7 @@ use super::CovarianceKind;
 
 /// Default population 4 + ⌊3 ln n⌋ (eq. 48).
 pub fn default_population(n: usize) -> usize {
+    // ln 0 is not finite. `Settings::check` refuses a problem without coordinates later.
     4 + (3.0 * (n.max(1) as f64).ln()).floor() as usize
 }
 
@@ -124,6 +125,7 @@ fn effective(weights: &[f64]) -> f64 {
 
 /// d_σ (eq. 55).
 fn damping(n: f64, mu_eff: f64, c_sigma: f64) -> f64 {
+    // The middle term is 0 unless μ_eff exceeds n + 2: only large populations need more damping.
     1.0 + 2.0 * (((mu_eff - 1.0) / (n + 1.0)).sqrt() - 1.0).max(0.0) + c_sigma
 }
 

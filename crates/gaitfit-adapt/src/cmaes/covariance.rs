@@ -161,6 +161,7 @@ fn positive(eigenvalue: f64) -> f64 {
 fn rotate(b: &[f64], d: &[f64], v: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
     let n = d.len();
     let mut inner = vec![0.0; n];
+    // B is stored row by row, so Bᵀ v is summed in rows of B, without jumps in memory.
     for (row, value) in b.chunks_exact(n).zip(v) {
         for (sum, entry) in inner.iter_mut().zip(row) {
             *sum += entry * value;

@@ -122,6 +122,7 @@ impl Search {
         let run = if complete { ended.saturating_sub(1) } else { ended } as u32;
         let current = Cma::resume(run_settings(&settings, plan, run), state.current)?;
         let limit = settings.tolerances.max_generations.unwrap_or(u32::MAX);
+        // A run was cut if it ended at its limit of generations and the limit is higher now.
         let cut = |run: &RunSummary| run.stop == StopReason::MaxGenerations && run.generations < limit;
         if complete && finished.last().is_some_and(cut) {
             finished.pop();
@@ -201,6 +202,7 @@ impl Search {
         if !self.is_finished() {
             self.current = Cma::new(run_settings(&self.settings, self.plan, self.finished.len() as u32))?;
         }
+        // A summary was pushed above, so there is a last one.
         self.finished.last().ok_or(CmaError::Finished)
     }
 
@@ -234,6 +236,7 @@ impl Search {
     /// Generations told in all runs.
     pub fn generation(&self) -> u32 {
         let ended: u32 = self.finished.iter().map(|run| run.generations).sum();
+        // After the last run `current` is still that run, which is already among the finished ones.
         if self.is_finished() { ended } else { ended + self.current.generation() }
     }
 
@@ -281,6 +284,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
         let stream = Stream::new(changed.seed, Purpose::RESTART);
         for (i, start) in changed.start.iter_mut().enumerate() {
             let (lower, upper) = (settings.lower[i], settings.upper[i]);
+            // Rounding may carry the draw beyond the upper bound.
             *start = (lower + stream.uniform(i as u32) * (upper - lower)).clamp(lower, upper);
         }
     }

@@ -67,6 +67,7 @@ impl<'a> AlignedSums<'a> {
                     expected: format!("{samples} samples × {width}"),
                 });
             }
+            // A fall takes the same rows of every signal, so any signal may set the number.
             sums.lost = counted.lost;
             sums.differences.push(match self.norm {
                 Norm::Square => squared_differences(counted.matrix, measured, width),

@@ -234,6 +234,7 @@ impl Reference {
 
     /// Number of recordings.
     pub fn recordings(&self) -> usize {
+        // Signal 0 is the position, which every recording has.
         self.signals[0].as_ref().map_or(0, |signal| signal.recordings.len())
     }
 
@@ -245,6 +246,7 @@ impl Reference {
     /// Samples of recording `recording`, pre-roll included; 0 if there is no such recording.
     pub fn samples(&self, recording: usize) -> usize {
         self.recording(Signal::Position, recording)
+            // The stored matrix lacks the pre-roll.
             .map_or(0, |matrix| matrix.len() / self.joints.len() + self.skip)
     }
 
@@ -313,6 +315,7 @@ impl Reference {
         // A candidate that falls counts only up to its fall; the rows behind it are reported as lost.
         let end = signals.fell_at.map_or(rows, |fall| fall.min(rows));
         let start = self.skip.min(rows);
+        // A fall before the end of the pre-roll leaves no row that counts.
         let counted = &matrix[start * width..end.max(start) * width];
         // One branch-free pass that vectorises, and a search only on failure.
         if counted.iter().fold(false, |bad, value| bad | !value.is_finite())

@@ -114,6 +114,7 @@ impl Weights {
 
     /// The signals with a positive weight, in the order costs sum them.
     pub fn signals(&self) -> impl Iterator<Item = Signal> + use<> {
+        // A copy lets the iterator live longer than the borrow of `self`.
         let weights = *self;
         Signal::ALL.into_iter().filter(move |signal| weights.get(*signal) > 0.0)
     }

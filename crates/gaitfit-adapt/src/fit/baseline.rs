@@ -38,6 +38,7 @@ pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     for sample in 0..samples {
         // At both ends the difference is one-sided.
         let (before, after) = (sample.saturating_sub(1), (sample + 1).min(samples - 1));
+        // With a single sample both ends are the same, and the difference is 0 whatever the span.
         let span = ((after - before).max(1) as f64 * dt) as f32;
         for joint in 0..joints {
             velocity.push((position[after * joints + joint] - position[before * joints + joint]) / span);

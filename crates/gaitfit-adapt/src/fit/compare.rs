@@ -39,6 +39,7 @@ pub fn compare(
     first_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
     second_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
 ) -> Result<Vec<Agreement>, FitError> {
+    // Both fits are of one θ, so their parameters belong together by place.
     let pairs: Vec<(&ParameterOutcome, &ParameterOutcome)> =
         first.parameters.iter().zip(&second.parameters).collect();
     let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {

@@ -57,6 +57,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     let generations = best.map_or(0, |run| run.generations);
     let settled = reasons.len();
+    // A network has thousands of weights. Without the limit no search over them would have enough generations.
     let few = outcome.parameters.len().min(MAX_SCANNED) * GENERATIONS_PER_ENTRY;
     let least = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
     // Least squares needs few steps whatever the number of entries.
@@ -92,6 +93,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {
+        // Where the cost is flat, seeds may end anywhere.
         let flat = one.identification.as_ref().is_some_and(|identification| !identification.identified);
         !flat && (value - one.value).abs() > APART * (one.upper - one.lower)
     };
@@ -126,6 +128,7 @@ fn apart(one: &ParameterOutcome) -> bool {
 /// The part by which the cost fell over the last quarter of the generations.
 fn late_fall(course: &[f64]) -> Option<f64> {
     let last = *course.last()?;
+    // A quarter of a short course may round to 0, and the course may be a single cost.
     let before = *course.get(course.len() - 1 - (course.len() / 4).max(1).min(course.len() - 1))?;
     (before > 0.0).then(|| (before - last) / before)
 }

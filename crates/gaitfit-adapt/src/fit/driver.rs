@@ -107,6 +107,7 @@ impl<'a> Fit<'a> {
         for &index in &active {
             let run = &mut self.runs[index];
             let (cost, seed, generation) = (run.cost, run.seed, run.generation());
+            // A run of least squares asks for no candidates: it was stepped above.
             let Some(asked) = run.ask() else { continue };
             sizes.push((index, asked.len()));
             jobs.extend(asked.into_iter().enumerate().map(|(candidate, values)| Job {
@@ -155,6 +156,7 @@ impl<'a> Fit<'a> {
             active.iter().copied().filter(|&run| self.runs[run].is_least_squares()).collect();
         let (theta, simulator, options) = (self.theta, self.simulator, &self.options);
         let cost = |run: usize| self.costs[self.runs[run].cost].as_ref();
+        // A step simulates the values and two neighbours of each entry.
         let at_once = |&run: &usize| Problem::at_once(cost(run), 2 * theta.len() + 1);
         let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
         let mut steps = Vec::with_capacity(numbers.len());

@@ -242,6 +242,7 @@ pub(super) fn end(side: &[(f64, Rise)]) -> (f64, f64) {
     let noise_from = last.and_then(|last| side[last].1).map_or(0.0, |(_, noise)| noise);
     match side.get(last.map_or(0, |last| last + 1)) {
         None => (from, noise_from),
+        // The simulation diverges somewhere before this point; the middle is the best guess.
         Some((to, None)) => (0.5 * (from + to), noise_from),
         Some((to, Some((rise, noise)))) => ((to * noise / rise).clamp(from, *to), *noise),
     }

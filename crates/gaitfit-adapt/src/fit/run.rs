@@ -147,6 +147,7 @@ impl Run {
         let seed = self.seed;
         let all_diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
         let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
+        // Read before `tell` changes it: these candidates were drawn with it.
         let sigma = search.current().sigma();
         // A run that was resumed has not asked; asking again gives the same candidates.
         let population = asked.take().unwrap_or_else(|| search.ask());
@@ -159,6 +160,7 @@ impl Run {
             costs.iter_mut().zip(risks).for_each(|(cost, falls)| *cost += price * falls);
         }
         let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
+        // The search returns a summary if its run ended by its own criteria. The next run, if any, has then begun.
         let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
         // After the charge for risk: infinite costs stay the diverged ones.
         let diverged = evaluations.len() - finite.len();

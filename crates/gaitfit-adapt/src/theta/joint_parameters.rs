@@ -124,6 +124,7 @@ impl ParameterRule {
                 let joints = self.joints.clone();
                 Ok(vec![Self { joints, ..rule_for(&slides, JointKind::Slide) }])
             }
+            // Hinges alone: the rule already has their unit.
             _ => Ok(vec![self.clone()]),
         }
     }
@@ -238,6 +239,7 @@ pub(super) fn read(
     context: &ReadContext<'_>,
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
+    // A file may hold only parameters that a fit can search.
     let kind = JointParameter::searched().find(|one| one.name() == parameter.kind)?;
     Some(context.check(parameter, kind.least(), upper_limit(kind)).and_then(|()| {
         if parameter.joints.is_empty() {

@@ -254,6 +254,7 @@ impl Modification for Networks {
     }
 
     fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        // Only here does a weight of the last layer stand for a stiffness.
         if self.rule.kind != NetworkName::ResidAct || self.rule.start != NetworkStart::Features {
             return Vec::new();
         }
@@ -264,6 +265,7 @@ impl Modification for Networks {
                 joint: joint.clone(),
                 kind: JointKind::Hinge,
                 stiffness,
+                // The network's input is the angle less `rest`, and a spring's angle counts from 0.
                 torque: offset + stiffness * rest,
             };
             shared.iter().map(spring).collect::<Vec<_>>()
@@ -323,6 +325,7 @@ fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
         at = end;
     }
     draws.resize(NETWORK_WEIGHTS, 0.0);
+    // Normals may lie outside narrow bounds.
     draws.iter().map(|weight| weight.clamp(rule.lower, rule.upper)).collect()
 }
 

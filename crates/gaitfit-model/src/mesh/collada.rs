@@ -17,6 +17,7 @@ const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.
 const MAX_NODES: u32 = 1 << 20;
 
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
+    // A document type could expand a small file to an enormous text.
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)?;
     let elements = || document.descendants().filter(Node::is_element);

@@ -73,12 +73,14 @@ impl Pool {
 
     /// The meshes by their numbers, with at most `max` triangles together. A mesh may end without any.
     pub fn thinned(mut self, max: usize) -> Vec<ThinMesh> {
+        // More triangles than that are clustered by `shrink` in any case.
         if self.len() <= MAX_FINE {
             // Some files have each triangle twice, once for either side.
             self.cluster(0.0);
         }
         self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
+        // Collapses leave vertices without triangles, and triangles that are there twice.
         self.cluster(0.0);
         // Triangles of a picture have 16-bit indices.
         self.shrink(max, MAX_CORNERS * max.min(usize::from(u16::MAX) / MAX_CORNERS));

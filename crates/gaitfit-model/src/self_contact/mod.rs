@@ -82,6 +82,7 @@ impl From<SelfContact> for Written {
 impl SelfContact {
     /// These pairs, by the names of their geoms.
     pub fn named<'a>(pairs: impl IntoIterator<Item = &'a SelfPair>) -> Self {
+        // A name may hold letters that mean something else in a pattern.
         let names = |pair: &SelfPair| [0, 1].map(|side| globset::escape(&pair.geoms[side].name));
         SelfContact::Pairs(pairs.into_iter().map(names).collect())
     }
@@ -185,6 +186,7 @@ impl Parts {
         let excluded = spec.excludes.iter().filter(|(a, b)| robot[*a] && robot[*b]);
         Self {
             pairs: pairs.collect(),
+            // By the robot's own numbers, as its geoms have them.
             excluded: excluded.map(|(a, b)| (a - root, b - root)).collect(),
             neighbours: spec.disabled.filterparent,
             off: spec.disabled.contact,
@@ -359,6 +361,7 @@ impl Model {
             }
         };
         let mut model = self.clone();
+        // An earlier choice is replaced.
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
         let frames = rest_frames(self);
@@ -417,6 +420,7 @@ impl Model {
         let frames = rest_frames(self);
         let pairs = self.parts.of_file();
         let pairs = pairs.into_iter().filter_map(|[a, b]| Some(self.parts.pair(a, b, &frames).ok()?.pair));
+        // One more than may be shows that there are too many.
         let pairs: Vec<SelfPair> = pairs.take(MAX_PAIRS + 1).collect();
         if pairs.len() > MAX_PAIRS { Vec::new() } else { pairs }
     }

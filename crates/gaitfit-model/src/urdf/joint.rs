@@ -93,6 +93,7 @@ pub(super) fn read_joint(
     };
     joint.axis = match unit(joint.axis) {
         Some(axis) => axis,
+        // A weld needs no axis.
         None if !moves => joint.axis,
         None => {
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
@@ -155,6 +156,7 @@ fn read_child(
         "axis" => a.set_array(ctx, "xyz", &mut parts.joint.axis)?,
         "limit" => {
             let (lower, upper) = (a.number(ctx, "lower")?, a.number(ctx, "upper")?);
+            // One bound is enough for limits; the other one is then 0.
             parts.unlimited &= lower.is_none() && upper.is_none();
             a.set_nonnegative(ctx, "effort", &mut parts.effort)?;
             let mut speed = 0.0;

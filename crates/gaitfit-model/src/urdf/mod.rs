@@ -107,6 +107,7 @@ pub(crate) fn read(
         }
     }
 
+    // Only now is the mass of the whole robot known.
     mend_inertias(ctx, &mut links, &connections)?;
     note_unlimited(ctx, &connections);
     let bodies = assemble(ctx, document.at, links, &connections, wanted)?;
@@ -262,6 +263,7 @@ fn assemble(
         stack.extend(children[connection.child].iter().rev().map(|&c| (c, bodies.len())));
         bodies.push(body);
     }
+    // Links of a ring hang on each other, so no way from the root leads to them.
     if let Some(left) = bodyless.iter().flatten().find(|b| !(is_world && b.name == "world")) {
         return Err(ctx.invalid(
             left.at,

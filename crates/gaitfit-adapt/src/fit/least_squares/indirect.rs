@@ -151,6 +151,7 @@ struct Inference<'a> {
 impl Inference<'_> {
     fn rounds(&self) -> Result<Correction, Failure> {
         let mut simulated = self.values.to_vec();
+        // Each set of logs of all rounds has a number, and with it random draws of its own.
         let mut numbers = 0..u32::MAX;
         let (mut slope, mut quiet) = (None, 0.0);
         let (mut done, mut far) = (Vec::<Round>::with_capacity(ROUNDS[1]), Vec::new());
@@ -174,6 +175,7 @@ impl Inference<'_> {
             let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
+            // What little noise adds to the differences would be lost in the differences of sets.
             if torque_noise > TELLING * FIRST_NOISE {
                 let left = compared.iter().map(|one| one.left).sum::<f64>() / compared.len().max(1) as f64;
                 slope = Some((left - quiet) / torque_noise.powi(2)).filter(|slope| *slope > 0.0).or(slope);
@@ -190,6 +192,7 @@ impl Inference<'_> {
             if FAR.contains(&done.len())
                 && let Some(moved) = self.far(&simulated, &response)
             {
+                // The next round gets this number.
                 far.push(done.len());
                 simulated = moved;
             }
@@ -258,6 +261,7 @@ impl Inference<'_> {
         let far = moving
             .filter(|(_, moving)| **moving)
             .map(|((entry, (from, to)), _)| ((to - from) / entry.deviation).abs());
+        // At most 1: an estimate that is near is taken as it is.
         let part = 1.0 / far.fold(1.0, f64::max);
         let moved = entries.iter().zip(simulated.iter().zip(estimate)).zip(&self.moving);
         let moved = moved.map(|((entry, (from, to)), moving)| {
@@ -275,6 +279,7 @@ impl Inference<'_> {
         }
         let entries = self.problem.theta.entries();
         let scaled = entries.iter().zip(simulated.iter().zip(self.values)).zip(&change);
+        // Its sign says which way the rounds have gone along the change.
         let gone: f64 =
             scaled.map(|((entry, (to, from)), by)| (to - from) * by / entry.deviation.powi(2)).sum();
         let moved: Vec<f64> =

@@ -140,6 +140,7 @@ impl GaussNewton {
         if done > generations {
             return Err(format!("it has done {done} generations, and the limit is {generations} now"));
         }
+        // A search that only its limit had ended resumes. One that has done the new limit's generations ends.
         match self.stop {
             Some(Stop::Generations) if done < generations => self.stop = None,
             None if done == generations && done > 0 => self.stop = Some(Stop::Generations),
@@ -331,6 +332,7 @@ impl<'a> Neighbourhood<'a> {
         let mut steps = Vec::with_capacity(values.len());
         for (at, entry) in problem.theta.entries().iter().enumerate() {
             let room = 0.5 * (entry.upper - entry.lower);
+            // At most half of the range, so that one of the two neighbours always has its full distance.
             let probe = (PROBE * entry.deviation).min(room);
             let mut at_most = |to: f64| {
                 let mut candidate = values.to_vec();
@@ -341,6 +343,7 @@ impl<'a> Neighbourhood<'a> {
             // At a bound one of the two stays where it is, and the difference is one-sided.
             steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
         }
+        // Refused before anything is simulated: a long simulation must not end for want of memory.
         problem.check(problem.differences()?.count(), candidates.len())?;
         let exact = problem.derivatives(values)?;
         Ok(Self { problem, candidates, steps, exact })
@@ -375,6 +378,7 @@ impl<'a> Neighbourhood<'a> {
 fn free(theta: &Theta, values: &[f64], normal: &Normal) -> Vec<bool> {
     let held = |(at, entry): (usize, &Entry)| {
         let slope = normal.slope[at];
+        // A step goes against the slope: a positive slope pushes downwards.
         values[at] <= entry.lower && slope > 0.0 || values[at] >= entry.upper && slope < 0.0
     };
     theta.entries().iter().enumerate().map(|one| !held(one)).collect()

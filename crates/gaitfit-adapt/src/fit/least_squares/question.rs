@@ -121,6 +121,7 @@ pub fn answers<W: World + ?Sized>(
     let candidates = 2 * problem.theta.len() + 1;
     // The threads are divided: each set of logs compares with its share of them.
     let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
+    // Each set at work holds the differences of all its candidates, so memory limits how many work at once.
     let at_once = logs.first().map_or(1, |logs| Problem::at_once(logs.cost.as_ref(), candidates));
     let at_once = at_once.min(threads);
     pool::map_each(logs.iter(), (at_once, threads), answer).into_iter().collect()

@@ -54,6 +54,7 @@ impl<'a> Distributions<'a> {
         let mut groups: Vec<((usize, usize), Range<usize>)> = Vec::new();
         for (k, (signal, column, ..)) in self.dimensions().enumerate() {
             let (key, numbers) = (group((signal, column)), k * PARTS..(k + 1) * PARTS);
+            // Columns ascend within a signal, so the numbers of one group follow each other.
             match groups.last_mut().filter(|(last, _)| *last == key) {
                 Some((_, range)) => range.end = numbers.end,
                 None => groups.push((key, numbers)),

@@ -35,6 +35,7 @@ impl Likeness {
             return None;
         }
         let distance = distance(logs, &robots.iter().collect::<Vec<_>>())?;
+        // Each robot is compared with the others in the way the real logs are compared with all.
         let apart = |at: usize| {
             let others = robots.iter().enumerate().filter(|(other, _)| *other != at);
             self::distance(&robots[at], &others.map(|(_, one)| one).collect::<Vec<_>>())

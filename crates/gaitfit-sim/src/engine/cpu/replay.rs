@@ -179,9 +179,11 @@ impl<T: Lanes> Block<T> {
                 return false;
             }
             record(sample, &self.state, &self.memory[beyond..]);
+            // The last target would act after the last sample, which is recorded already.
             if sample + 1 == longest {
                 break;
             }
+            // The history is newest first, so older targets move back by one row.
             let kept = self.history.len() - n;
             self.history.copy_within(..kept, n);
             for j in 0..n {

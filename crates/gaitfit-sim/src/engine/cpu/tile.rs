@@ -94,6 +94,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     fn scatter(&self, value: T, rows: &mut [f32], first: usize, width: usize, column: usize) {
         let mut values = [0.0; WIDEST];
         value.store(&mut values);
+        // Lanes beyond the last robot repeat it and are not reported.
         let count = T::LANES.min(self.environments - first);
         for (lane, value) in values.iter().enumerate().take(count) {
             rows[(first + lane) * width + column] = *value;
@@ -215,6 +216,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     }
 
     fn correct(&mut self, readings: &[(usize, Start)]) {
+        // Velocities are reported `lead` seconds ahead of the integrator's, so a reading is taken back by as much.
         let lead = self.shared.tree.settings().lead() as f32;
         // Robots of one block are set together: each number of a block is stored and loaded once for all of
         // them.
