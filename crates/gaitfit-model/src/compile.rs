@@ -52,8 +52,10 @@ pub(crate) fn compile(
     if ctx.mend {
         fill_masses(ctx, &mut spec, &welds, &member);
     }
+    // Checked before anything is renumbered: the messages name places of the file.
     check_sizes(ctx, &spec, &member)?;
     check_masses(ctx, &spec, &welds, &member)?;
+    // Contacts with the ground become pairs; those of the robot with itself are only counted.
     let pairs = candidates(ctx, &spec, &welds, &member)?;
     let ignored = self_collisions(&spec, &welds, &member);
     if ignored > 0 {
@@ -98,6 +100,7 @@ pub(crate) fn compile(
     if spec.disabled.gravity {
         model.options.gravity = [0.0; 3];
     }
+    // From here on numbers are the model's own: the root is 0, and other bodies are gone.
     let joint_numbers = fill_bodies(&mut model, &spec, root, &member);
     if ctx.mend {
         model.outlines = outlines(&spec, &member);
@@ -105,6 +108,7 @@ pub(crate) fn compile(
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
     fill_actuators(ctx, &mut model, &mut spec, &joint_numbers);
     model.couplings = of_robot(&spec, &joint_numbers);
+    // Before the flags: a `springdamper` gives stiffness and damping, which they may switch off.
     resolve_springs(&mut model);
     for joint in &mut model.joints {
         if spec.disabled.spring {
@@ -148,6 +152,7 @@ fn fill_actuators(ctx: &mut Context, model: &mut Model, spec: &mut Spec, joint_n
 
 fn scale_total_mass(spec: &mut Spec) {
     let sum: f64 = spec.bodies.iter().map(|b| b.inertial.mass).sum();
+    // Masses that sum to nothing cannot be scaled.
     if let Some(wanted) = spec.total_mass.filter(|_| sum > MIN_MASS) {
         for body in &mut spec.bodies {
             body.inertial.mass *= wanted / sum;
@@ -418,6 +423,7 @@ fn fill_geoms(
         }
         places.push(place);
     }
+    // A pair whose geom or ground was refused or dropped has no place for it and goes too.
     for pair in pairs {
         if let (Some(Place::Geom(geom)), Some(Place::Ground(ground))) =
             (places[pair.geom], places[pair.ground])

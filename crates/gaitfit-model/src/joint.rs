@@ -110,6 +110,7 @@ impl JointForm {
                         "use <freejoint/>, which takes no defaults",
                     )?;
                 }
+                // Axis, range and reference mean nothing to a free joint.
                 return Ok(Finished::Free(FreeJoint {
                     armature: j.armature,
                     damping: j.damping,

@@ -39,6 +39,7 @@ impl Model {
         let mut places: HashMap<(String, &str, bool), usize> = HashMap::new();
         for dropped in &self.dropped {
             let kind = kind(&dropped.what);
+            // The first thing of a kind makes its group, so groups have the file's order.
             let place = *places.entry((kind.clone(), &dropped.why, dropped.harmless)).or_insert(groups.len());
             if place == groups.len() {
                 let group = LeftOut {

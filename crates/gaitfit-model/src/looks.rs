@@ -108,6 +108,7 @@ fn read(path: &Path, model: &Model) -> Looks {
         let meshes = outlines.iter().filter(|outline| outline.colliding != shown && is_mesh(outline));
         // A link with a missing mesh has none: a part of a link looks like another robot.
         let whole: Option<Vec<Look>> = meshes.map(|outline| files.look(&body, outline)).collect();
+        // A link that would pass the limit is left out whole.
         places.extend(whole.filter(|whole| places.len() + whole.len() <= MAX_PLACES).unwrap_or_default());
     }
     // Meshes of links that are left out would take triangles from the others.

@@ -19,6 +19,7 @@ pub(crate) fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), Mode
     let mut geoms = Vec::new();
     let mut sites = Vec::new();
     for body in &mut spec.bodies {
+        // Sites have no place in the file here; messages name that of their body.
         let at = body.at;
         bodies.push((&mut body.name, at));
         joints.extend(body.joints.iter_mut().map(|(j, at)| (&mut j.name, *at)));

@@ -50,6 +50,7 @@ fn suggestion(nearest: &[String]) -> String {
 
 /// A joint's name without the `_joint` that robot files like to add and logs leave out.
 pub fn plain(joint: &str) -> &str {
+    // A joint may be called `_joint` and nothing else.
     joint.strip_suffix("_joint").filter(|name| !name.is_empty()).unwrap_or(joint)
 }
 
@@ -153,6 +154,7 @@ pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
             let name = pattern.names(joint.as_ref());
             if name || pattern.covers(joint.as_ref()) {
                 matches = true;
+                // A plain name always sets the value; a pattern does not replace one that a name has set.
                 if name || !*named {
                     *slot = Some(value.clone());
                 }

@@ -143,6 +143,7 @@ pub fn rotate<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
 /// `v` turned back by the unit quaternion `q`: of a body's orientation, a world vector in the body frame.
 #[inline]
 pub fn rotate_back<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
+    // Products with the axes are those with the transposed matrix, which turns back.
     axes(q).map(|axis| dot(axis, v))
 }
 

@@ -61,6 +61,7 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
     let dofs = degrees_of_freedom(model, &frames);
     let count = dofs.len();
     let mut m = vec![0.0; count * count];
+    // Each body adds to the degrees of freedom that carry it.
     for (index, body) in model.bodies.iter().enumerate() {
         let frame = &frames[index];
         let centre = frame.point(body.ipos);

@@ -131,6 +131,7 @@ impl Model {
             let _ = writeln!(text, "{}</body>", "  ".repeat(depth + 2));
         };
         for (index, body) in self.bodies.iter().enumerate() {
+            // Bodies that do not carry this one end here.
             while open.last().copied() != body.parent {
                 if open.pop().is_none() {
                     break;

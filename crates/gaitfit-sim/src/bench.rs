@@ -124,6 +124,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     let (height, pose) = standing(model)?;
     let settings = Settings { timestep: TIMESTEP, ..Settings::new(&model.options, bench.preset) };
     let tree = compile::<T>(model, &settings)?;
+    // A block has one robot a lane.
     let blocks = bench.environments.div_ceil(T::LANES).max(1);
     let mut batches = Vec::with_capacity(blocks);
     for block in 0..blocks {
@@ -165,6 +166,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     let mut times = Vec::with_capacity(bench.repetitions);
     const WARM_UP: usize = 3;
     for repetition in 0..bench.repetitions + WARM_UP {
+        // Targets are made before the clock starts.
         let sent: Vec<Vec<T>> = (0..PERIODS).map(|k| targets(repetition * PERIODS + k)).collect();
         let start = Instant::now();
         pool::for_each(blocks, bench.threads, scratch, |scratch, index| {
@@ -173,6 +175,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
                 period(scratch, &mut batch, targets);
             }
         });
+        // The first repetitions also touch their memory for the first time.
         if repetition >= WARM_UP {
             times.push(start.elapsed().as_secs_f64());
         }

@@ -56,6 +56,7 @@ impl JointNetworks {
             if joint >= model.joints.len() {
                 return refuse(format!("joint {joint}"), "of joints of the robot");
             }
+            // `chunks_exact` gives exactly so many, so no index is missing.
             let weights = std::array::from_fn(|index| weights[index]);
             networks.push(JointNetwork::new::<T>(joint, &weights, self.scales, *rest));
         }

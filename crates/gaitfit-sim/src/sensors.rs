@@ -69,6 +69,7 @@ impl Imu {
     pub fn base(&self, attitude: [f32; 4], rates: [f32; 3]) -> ([f32; 4], [f32; 3]) {
         let unbiased = sub(rates, self.bias);
         let [x, y, z] = self.axes;
+        // The axes are the columns of R, so this is R times the rates.
         let rates = std::array::from_fn(|k| x[k] * unbiased[0] + y[k] * unbiased[1] + z[k] * unbiased[2]);
         (product(attitude, inverse(self.turn)), rates)
     }

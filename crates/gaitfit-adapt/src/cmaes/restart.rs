@@ -188,6 +188,7 @@ impl Search {
     }
 
     fn conclude(&mut self, stop: StopReason) -> Result<&RunSummary, CmaError> {
+        // A summary is all that stays of an ended run; the next one takes the place of its state.
         self.finished.push(RunSummary {
             run: self.run(),
             seed: self.current.settings().seed,
@@ -229,6 +230,7 @@ impl Search {
     /// The best candidate of all runs; of equal ones the earliest.
     pub fn best(&self) -> Option<&Best> {
         let runs = self.finished.iter().filter_map(|run| run.best.as_ref());
+        // Once all runs have ended, `current` comes twice. Of equal costs the first counts, so that changes nothing.
         runs.chain(self.current.best())
             .reduce(|best, other| if other.cost < best.cost { other } else { best })
     }
@@ -276,6 +278,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
         return changed;
     }
     changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
+    // Saturating: the limit below cuts what is too large.
     let factor = (plan.population_factor as usize).saturating_pow(run);
     // A stated population above the limit stays as it is.
     changed.population =

@@ -112,6 +112,7 @@ impl Accumulator for AlignedSums<'_> {
         let lost: usize = self.recordings.iter().flatten().map(|sums| sums.lost).sum();
         let signals: Vec<Signal> = self.weights.signals().collect();
         let sum = |signal: Signal, column: usize| -> f64 {
+            // Only weighted signals are asked for, and each of them is in the list.
             let number = signals.iter().position(|of| *of == signal).unwrap_or_default();
             self.recordings.iter().flatten().map(|sums| sums.differences[number][column]).sum()
         };

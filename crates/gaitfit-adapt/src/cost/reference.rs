@@ -191,6 +191,7 @@ impl Reference {
         if let Some(position) = &mut self.signals[Signal::Position as usize] {
             for (name, dimension) in self.joints.iter().zip(&mut position.dimensions) {
                 if joints.contains(name) {
+                    // The range stays, so the joint is left out without counting as constant.
                     dimension.scale = None;
                 }
             }
@@ -202,6 +203,7 @@ impl Reference {
     /// differs by their most extreme samples.
     pub fn scaled_as(mut self, other: &Self) -> Self {
         for (own, other) in self.signals.iter_mut().zip(&other.signals) {
+            // A signal that only one of the two has keeps its own scaling.
             let (Some(own), Some(other)) = (own, other) else { continue };
             for (own, other) in own.dimensions.iter_mut().zip(&other.dimensions) {
                 own.scale = other.scale;
@@ -336,6 +338,7 @@ impl Reference {
         let subset = |signal: &ReferenceSignal| {
             let chosen: Vec<Vec<f64>> =
                 recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
+            // Range and scale stay those of all recordings; only the samples are fewer.
             let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
                 samples: Samples::new(&chosen, column, signal.dimensions.len()),
                 ..*dimension

@@ -49,6 +49,7 @@ impl TimeAligned {
         horizon: Option<NonZeroUsize>,
     ) -> Result<Self, CostError> {
         let name = CostKind::MatchS(horizon).to_string();
+        // The usual mistake gets an error of its own before the general check.
         let missing = weights.signals().find(|signal| signal.is_privileged() && !reference.has(*signal));
         if let Some(signal) = missing {
             return Err(CostError::Privileged { cost: name, signal });

@@ -109,6 +109,7 @@ impl Pools<'_> {
                 pools.iter_mut().find(|(of, _)| *of == signal).and_then(|(_, all)| all.get_mut(column));
             let dimension = reference.dimensions(signal).and_then(|all| all.get(column));
             let (Some(pool), Some(dimension)) = (pool, dimension) else { return f64::NAN };
+            // Sorted only now: a pool is complete when its last recording is there.
             sort_keys(pool, scratch);
             wasserstein1_keys(pool, dimension.sorted())
         }))

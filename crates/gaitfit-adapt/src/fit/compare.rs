@@ -63,6 +63,7 @@ pub fn compare(
     let first_rise = first_cost(&swapped(first, second))?;
     let second_rise = second_cost(&swapped(second, first))?;
 
+    // Every parameter gets its row; those that disagree also get a reason.
     let mut agreements = Vec::with_capacity(pairs.len());
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {

@@ -56,6 +56,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         );
     }
     let generations = best.map_or(0, |run| run.generations);
+    // Reasons from here on follow from an early end.
     let settled = reasons.len();
     // A network has thousands of weights. Without the limit no search over them would have enough generations.
     let few = outcome.parameters.len().min(MAX_SCANNED) * GENERATIONS_PER_ENTRY;
@@ -72,6 +73,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
             100.0 * fall
         ));
     }
+    // Many weights of networks can do the same work, so their values may differ.
     let scanned = outcome.parameters.len() <= MAX_SCANNED;
     let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
     let apart: Vec<String> = apart.collect();
@@ -81,6 +83,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     // Only a limit of time ends a run without a reason of its own.
     if ended.is_none() && best.is_some() && reasons.len() > settled {
+        // Before the reasons that it explains.
         reasons.insert(
             settled,
             "Its time limit ended it (max_seconds or optimizer.max_seconds): raise it.".into(),
@@ -91,6 +94,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
 
 /// A sentence if most seeds of least squares ended at other values than the best one.
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
+    // Runs of CMA-ES have no uncertainty, and a single seed has no other to agree with.
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {
         // Where the cost is flat, seeds may end anywhere.

@@ -82,6 +82,7 @@ pub fn identify(
     let diverged = || FitError::Scan("the simulation of the best values diverges".to_owned());
     let centre = best.first().cloned().flatten().ok_or_else(diverged)?;
 
+    // Without a floor rounding would pass for a rise of the cost.
     let floor = FLOOR.0 + FLOOR.1 * centre[0].abs();
     let (noise, fixed) = if views.count() > 1 {
         (NoiseSource::Recordings, 0.0)

@@ -232,6 +232,7 @@ impl CostOutcome {
     /// The random draws of the best run, by which least squares compares.
     pub fn draw(&self) -> u64 {
         let best = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        // The address that the search used, so that later comparisons see the same draws.
         RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0)
     }
 
@@ -249,6 +250,7 @@ impl CostOutcome {
             Ok(correction) => correction,
             Err(reason) => return Ok(Some(reason)),
         };
+        // The cost of the corrected values is not known yet.
         let Some(residuals) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
         else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
@@ -273,6 +275,7 @@ impl CostOutcome {
         problem: Problem<'_>,
         regression: &Regression,
     ) -> Result<Option<String>, FitError> {
+        // Only the cost on all recordings is compared, so no parts are needed.
         let views = Views::whole(problem.cost, problem.simulator.recordings());
         let values = regression.corrected.clone();
         let rollout = Rollout { values, resets: problem.cost.resets(), draw: problem.draw };
@@ -295,6 +298,7 @@ impl CostOutcome {
             self.best_cost = cost;
             self.take(problem.theta, &regression.corrected);
         }
+        // Whoever's values are taken, the robots' intervals replace those of the scan.
         let entries = problem.theta.entries().iter().zip(&regression.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
             let mut identification = Identification::of_interval(entry, *interval, NoiseSource::Robots);

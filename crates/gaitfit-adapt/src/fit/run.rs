@@ -273,6 +273,7 @@ impl Run {
             CmaError::State(what) => broken(what),
             other => broken(other.to_string()),
         };
+        // The search resumes under the new limits. Why it had stopped follows from these, not from the file.
         let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
                 let mut search = Search::resume(settings(self.seed, theta, options), plan(options), *state)
@@ -315,6 +316,7 @@ impl Run {
 fn settled(search: &Search, options: &FitOptions) -> bool {
     let current = search.current();
     let first = &current.settings().deviation;
+    // The largest of all: the search has settled once its last entry has.
     let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
     left <= options.tolerance
 }

@@ -207,6 +207,7 @@ impl Modification for JointParameters {
     }
 
     fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        // A stiffness pulls towards angle 0; a torque is a spring without stiffness.
         let spring = |value: f64| match self.parameter {
             JointParameter::Stiffness => Some((value, 0.0)),
             JointParameter::SpringTorque => Some((0.0, value)),

@@ -222,6 +222,7 @@ impl Networks {
             (NetworkStart::Features, Ok(last)) => {
                 features::weights(last, self.rule.position_scale, self.rule.velocity_scale).to_vec()
             }
+            // Other starts search all weights as they are.
             _ => values.to_vec(),
         }
     }
@@ -297,6 +298,7 @@ impl Modification for Networks {
         for (shared, estimates) in self.networks.iter().zip(estimates.chunks_exact(self.searched())) {
             let values: Vec<f64> = estimates.iter().map(|estimate| estimate.value).collect();
             let weights = self.weights(&values);
+            // A file has one network a joint, so shared weights are written for each of their joints.
             file.network.extend(shared.iter().map(|(joint, rest)| SavedNetwork {
                 name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
                 kind: self.rule.kind,
@@ -342,6 +344,7 @@ pub(super) fn read(
         return Err(ThetaFileError::Network { name: saved.name.clone(), count: saved.weights.len() });
     }
     let kind = saved.kind.kind();
+    // Two networks of one kind would correct the joint twice.
     if candidate.networks.iter().any(|one| one.kind == kind && one.joints.contains(&joint)) {
         return Err(ThetaFileError::Twice { name: saved.name.clone(), joint: saved.joint.clone() });
     }

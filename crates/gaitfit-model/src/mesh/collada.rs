@@ -21,6 +21,7 @@ pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)?;
     let elements = || document.descendants().filter(Node::is_element);
+    // Elements refer to each other by `id`, forwards as well as backwards.
     let by_id: HashMap<&str, Node> =
         elements().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let unit = elements().find(|node| named(node, "unit"));

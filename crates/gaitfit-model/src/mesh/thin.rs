@@ -55,6 +55,7 @@ impl Pool {
         self.meshes += 1;
         let diagonal = diagonal(mesh.triangles.iter().flatten());
         self.largest = self.largest.max(diagonal);
+        // Cells so narrow join only corners that the file meant to be one.
         let mut grid = Grid::new(diagonal / CELLS);
         let start = self.vertices.len();
         for triangle in &mesh.triangles {
@@ -107,6 +108,7 @@ impl Pool {
             let corners = triangle.map(|corner| {
                 let number = self.mesh[corner as usize];
                 let place = grid.put(number, self.vertices[corner as usize]);
+                // A place is at most one beyond the list: cells are numbered as they appear.
                 mesh.resize(mesh.len().max(place + 1), number);
                 place as u32
             });

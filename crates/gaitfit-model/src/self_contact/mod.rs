@@ -155,6 +155,7 @@ impl Parts {
                 GeomKind::Other(kind) => (Shape::Sphere { radius: 0.0 }, Some(kind)),
                 _ => (Shape::Sphere { radius: 0.0 }, Some("plane")),
             };
+            // Planes and height fields are ground, not parts of a robot.
             if !robot[body] || other == Some("plane") {
                 numbers.push(None);
                 continue;
@@ -408,6 +409,7 @@ impl Model {
             });
         }
         if model.self_pairs.is_empty() && !chosen.is_off() {
+            // Where nothing is left, the last reason that was noted says why.
             let why = left_out.pop().unwrap_or_else(|| "it lets none of its own parts touch".to_owned());
             return Err(SelfContactError::Nothing { what, why });
         }

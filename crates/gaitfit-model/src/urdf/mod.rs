@@ -70,6 +70,7 @@ pub(crate) fn read(
     }
 
     ctx.mesh_folder = compiler.mesh_folder.clone();
+    // Links come first, because joints name them.
     let mut links = Vec::new();
     let mut by_name = HashMap::new();
     for element in document.children.iter().filter(|c| c.name == "link") {
@@ -99,6 +100,7 @@ pub(crate) fn read(
         links[connection.child].held_by = Some(connections.len());
         connections.push(connection);
     }
+    // What is left is known to be harmless, or it is refused.
     for element in &document.children {
         match element.name.as_str() {
             "link" | "joint" | "material" | "mujoco" => {}
@@ -312,6 +314,7 @@ fn below_floating_joint(
     let Some(floating) = connections.iter().find(|connection| connection.floats) else { return Ok(root) };
     let total: f64 = links.iter().flatten().map(|link| link.inertial.mass).sum();
     let bare = |link: &BodySpec| link.geoms.is_empty() && link.inertial.mass <= MAX_WORLD_SHARE * total;
+    // Another link on the root would hang in the world, so the root would not be the world.
     let alone = floating.parent == root && children[root].len() == 1;
     let Some(world) = links[root].take_if(|link| alone && bare(link)) else {
         ctx.refuse_unmended(

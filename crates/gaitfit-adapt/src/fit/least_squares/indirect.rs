@@ -118,6 +118,7 @@ fn further(
         let entries = problem.theta.entries().iter().zip(&at).zip(real.step.iter());
         let next: Vec<f64> = entries
             .map(|((entry, from), by)| {
+                // Slopes hold nearby: no entry moves further than its deviation at once.
                 let by = by.clamp(-entry.deviation, entry.deviation);
                 (from + by).clamp(entry.lower, entry.upper)
             })
@@ -173,6 +174,7 @@ impl Inference<'_> {
             }
             // Logs that leave less than those of a robot without noise show none.
             let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
+            // Logs of the robot as it is assumed now, each set with draws that no other set has.
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
             // What little noise adds to the differences would be lost in the differences of sets.
@@ -197,6 +199,7 @@ impl Inference<'_> {
                 simulated = moved;
             }
         }
+        // The last round teaches the response too.
         let response = self.response(&done)?;
         Ok(self.correction(done, &far, &response))
     }

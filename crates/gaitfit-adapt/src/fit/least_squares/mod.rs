@@ -98,6 +98,7 @@ impl GaussNewton {
     pub(super) fn new(theta: &Theta, seed: u64, first: bool) -> Self {
         let mut start = theta.start(seed);
         let mut draws = vec![0.0; start.len()];
+        // Draws of 0 leave the first search at θ's own start.
         if !first {
             Stream::new(seed, Purpose::RESTART).fill_normals(0, &mut draws);
         }
@@ -126,6 +127,7 @@ impl GaussNewton {
             |values: &[f64]| values.len() == theta.len() && values.iter().zip(theta.entries()).all(inside);
         let best = match &self.best {
             Some(best) => whole(&best.x) && best.cost.is_finite(),
+            // Without a best candidate the search must not have begun.
             None => self.stop.is_none() && self.generation == 0,
         };
         whole(&self.values) && best && (MIN_DAMPING..=MAX_DAMPING).contains(&self.damping)
@@ -266,12 +268,14 @@ pub(super) fn step(
     generations: usize,
     tolerance: f64,
 ) -> Result<Vec<Option<Stepped>>, FitError> {
+    // The present points of all searches and their derivatives are one batch.
     let points: Vec<(Problem<'_>, &[f64])> =
         searches.iter().map(|(search, problem)| (*problem, search.values.as_slice())).collect();
     let around = around_all(&points)?.into_iter().zip(&points);
     let slopes: Vec<Option<Slopes>> =
         // A search whose present point diverges has no slopes and no trials, but keeps its place in the list.
         around.map(|(here, (problem, values))| Some(Slopes::new(problem, values, here?))).collect();
+    // The trials of all searches are a second one.
     let trials: Vec<Vec<Trial>> = searches
         .iter()
         .zip(&slopes)
@@ -285,6 +289,7 @@ pub(super) fn step(
     let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
         searches.iter().zip(&candidates).map(|((_, problem), all)| (*problem, all.as_slice())).collect();
     let tried = residuals(&asked)?;
+    // Each search chooses among its own trials.
     let known = slopes.iter().zip(trials.iter().zip(&tried));
     let chosen = searches.iter_mut().zip(known).map(|((search, problem), (slopes, (trials, tried)))| {
         let slopes = slopes.as_ref()?;

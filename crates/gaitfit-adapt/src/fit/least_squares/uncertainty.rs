@@ -80,6 +80,7 @@ pub fn uncertainty(
     if let Some(by) = further {
         shifts.push(Shift { what: "a further step of the search".to_owned(), by });
     }
+    // Each other simulator would have its minimum elsewhere: how far away is the shift.
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
         // An alternative that diverges at these values says nothing.

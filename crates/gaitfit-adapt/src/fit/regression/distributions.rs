@@ -70,6 +70,7 @@ impl<'a> Distributions<'a> {
         self.dimensions()
             .flat_map(|(signal, column, scale)| {
                 let kept = recordings.clone().filter_map(|number| reference.recorded(signal, number));
+                // The reference has cut off its pre-roll; `settling` comes on top.
                 let rows = kept.flat_map(|matrix| matrix.chunks_exact(joints).skip(self.settling));
                 let mut pool: Vec<f64> = rows.map(|row| row[column]).collect();
                 pool.sort_unstable_by(f64::total_cmp);
@@ -91,6 +92,7 @@ impl<'a> Distributions<'a> {
             let mut pool = Vec::with_capacity(kept);
             for log in logs {
                 let signals = log.signals();
+                // Simulated logs still have the pre-roll, which `skip` contains.
                 let rows = signals.get(signal)?.chunks_exact(joints).take(end(log)).skip(skip);
                 pool.extend(rows.map(|row| f64::from(row[column])));
             }

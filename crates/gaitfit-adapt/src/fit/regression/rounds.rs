@@ -205,6 +205,7 @@ impl Rounds<'_> {
             let fallen = self.each - count;
             return Err(NoEstimate::Because(format!("{fallen} of {} simulated robots fall.", self.each)));
         }
+        // Robots of earlier rounds help too, as far as they lie in this round's region.
         let mut near = robots.between(&lower, &upper);
         for (values, logs) in drawn.into_iter().zip(walked) {
             // A robot that fell has no distributions to learn from.

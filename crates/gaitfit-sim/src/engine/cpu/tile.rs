@@ -120,6 +120,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for k in 0..4 {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
         }
+        // A late unit's memory holds what it reads beyond the present.
         if let Some(place) = self.sensors.imu {
             let readings = motion.late_imu.get_or_insert_default();
             readings.resize(self.environments * IMU_READING, 0.0);
@@ -202,6 +203,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     fn place(&mut self, environment: usize, start: &Start) {
         let lane = environment % T::LANES;
         let block = &mut self.blocks[environment / T::LANES];
+        // In the order of `visit`, accelerations of 0 among them.
         let mut numbers = Vec::new();
         start.state().visit(|_, &number| numbers.push(number));
         let mut numbers = numbers.into_iter();
@@ -212,6 +214,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         block.tracked.iter_mut().flatten().for_each(|number| set_lane(number, lane, 0.0));
         // What sensors read before the first step is the start's too.
         block.memory.iter_mut().skip(self.sensors.begin).for_each(|number| set_lane(number, lane, 0.0));
+        // What it held before is known only with its next target.
         block.fresh[lane] = true;
     }
 
@@ -320,6 +323,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 work: &mut self.work,
                 drives: &mut self.drives,
             });
+            // Copied, because the next block uses the same scratch.
             for (torque, drive) in block.torque.iter_mut().zip(&self.drives) {
                 *torque = drive.torque;
             }
@@ -393,6 +397,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         let block = &mut self.blocks[environment / T::LANES];
         let RobotState { state, targets, memory, normal_force, tracked, torque, fresh } = robot;
         let given = [state, targets, memory, normal_force, tracked, torque];
+        // Counted first, so that nothing is written of a state that does not fit.
         let numbers: Vec<&mut T> = block.numbers().collect();
         if numbers.len() != given.iter().map(|part| part.len()).sum::<usize>() {
             return false;
