@@ -145,6 +145,7 @@ impl Simulator for ReplaySimulator {
             consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));
         };
         self.engine.replay(&self.replay, &robots, &pass, cancel).map_err(SimulatorError::failed)?;
+        // The engine returns without an error if it was cancelled.
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 

@@ -75,6 +75,7 @@ impl Model {
             let mut moves = false;
             for coupling in self.couplings.iter().filter(|coupling| !stated.contains(&coupling.follower)) {
                 let reference = |joint: usize| self.joints[joint].reference;
+                // A joint that is held has no leader: x is 0, and c₀ alone counts.
                 let moved = coupling.leader.map_or(0.0, |leader| positions[leader] - reference(leader));
                 let position = reference(coupling.follower) + coupling.follow(moved);
                 moves |= position != positions[coupling.follower];

@@ -203,6 +203,7 @@ pub(crate) fn resolve_range(
         }
         _ => given,
     };
+    // Only a range that acts must be in order.
     if on && range[0] >= range[1] {
         return Err(ctx.invalid(
             at,

@@ -153,6 +153,7 @@ impl Model {
         if free.is_empty() {
             return None;
         }
+        // Where no joint has a bound, names say nothing more.
         if free.len() == driven.len() {
             let what = if all { "joint" } else { "actuator" };
             return Some(format!("no {what} of the robot has an effort limit"));

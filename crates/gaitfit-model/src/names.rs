@@ -30,6 +30,7 @@ pub(crate) fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), Mode
     unique(ctx, "joint", joints)?;
     unique(ctx, "geom", geoms)?;
     unique(ctx, "site", sites)?;
+    // Actuators do not keep their place in the file.
     unique(ctx, "actuator", spec.actuators.iter_mut().map(|a| (&mut a.name, At::default())).collect())?;
     unique(ctx, "keyframe", spec.keys.iter_mut().map(|k| (&mut k.name, k.at)).collect())
 }

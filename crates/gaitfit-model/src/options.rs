@@ -192,6 +192,7 @@ pub(crate) fn read_option(
         }
     }
     let solvers = ["Newton", "CG", "PGS"];
+    // 0 is Newton's method, which is used here.
     if let Some(solver) = a.word(ctx, "solver", &solvers)?.filter(|&s| s > 0) {
         let at = a.at("solver");
         ctx.drop_quietly(
@@ -204,6 +205,7 @@ pub(crate) fn read_option(
         a.refuse_nonzero(ctx, name, "fluid forces are not simulated", "remove it")?;
     }
     a.refuse_nonzero(ctx, "noslip_iterations", "the no-slip pass is not implemented", "remove it")?;
+    // An empty list disables nothing.
     if a.text("actuatorgroupdisable").is_some_and(|t| !t.trim().is_empty()) {
         let at = a.at("actuatorgroupdisable");
         ctx.refuse(at, "`actuatorgroupdisable`", "all actuators are used", "remove those actuators")?;

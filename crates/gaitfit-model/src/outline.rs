@@ -65,6 +65,7 @@ impl MeshFile {
     pub fn read(&self) -> Result<Mesh, MeshError> {
         let mut mesh = mesh::read(&self.file)?;
         for point in mesh.triangles.iter_mut().flatten() {
+            // From the file's frame to the mesh's own, and there to metres.
             let local = rotate_back(self.frame.1, sub(*point, self.frame.0));
             *point = std::array::from_fn(|k| local[k] * self.scale[k]);
         }

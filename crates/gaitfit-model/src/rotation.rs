@@ -85,6 +85,7 @@ pub fn sub<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
 /// Unit vector along `v`; `None` when `v` is (nearly) zero.
 pub fn unit(v: Vec3) -> Option<Vec3> {
     let norm = dot(v, v).sqrt();
+    // NaN fails the first comparison.
     (norm >= TINY && norm.is_finite()).then(|| v.map(|x| x / norm))
 }
 

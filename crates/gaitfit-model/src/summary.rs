@@ -256,6 +256,7 @@ impl Model {
 fn kind(actuator: &crate::model::Actuator) -> &'static str {
     match actuator.bias {
         [0.0, 0.0, 0.0] => "motor",
+        // The force is gain · (control − position), less some damping.
         [0.0, stiffness, _] if stiffness == -actuator.gain => "position",
         [0.0, 0.0, damping] if damping == -actuator.gain => "velocity",
         _ => "affine",

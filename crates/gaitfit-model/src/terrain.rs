@@ -170,6 +170,7 @@ fn read_field(
     if rows < 3 || columns < 3 {
         return Ok(Err(format!("it has {rows} × {columns} vertices; give at least 3 × 3")));
     }
+    // A number of the text may overflow single precision.
     if !data.iter().all(|height| height.is_finite()) {
         return Ok(Err("its heights are too large".to_string()));
     }

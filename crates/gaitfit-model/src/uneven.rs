@@ -4,6 +4,7 @@ use crate::model::{ContactPair, Geom, Model, Shape};
 use crate::rotation::{IDENTITY, Quat, Vec3, add, product, rotate};
 use crate::terrain::{Ground, HeightField, Obstacle, ObstacleShape};
 
+// A ball in a corner leaves 0.7 of its radius of the corner out: at most 15 mm.
 /// Largest radius of a ball that stands for a corner, m.
 const CORNER: f64 = 0.02;
 /// A quarter turn that takes z to x, and one that takes z to y.
@@ -22,6 +23,7 @@ impl Model {
         let [x, y] = field.steps();
         // Half of the narrower side of a cell.
         let max = 0.5 * x.min(y);
+        // Pairs with boxes and other fields stay as they are.
         model.pairs.retain(|pair| !matches!(pair.ground, Ground::Plane(_)));
         let mut met = vec![false; self.geoms.len()];
         for pair in &self.pairs {

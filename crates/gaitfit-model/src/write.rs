@@ -278,6 +278,7 @@ fn moving(joint: &Joint) -> String {
     if let Some(range) = joint.actuatorfrcrange {
         attribute(&mut line, "actuatorfrcrange", &range);
     }
+    // Only what differs from MuJoCo's defaults is written.
     for (name, values) in [("solreflimit", joint.solref_limit), ("solreffriction", joint.solref_friction)] {
         if values != SOLREF {
             attribute(&mut line, name, &values);

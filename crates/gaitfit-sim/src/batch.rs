@@ -100,6 +100,7 @@ impl Batch {
                 None => return refuse("a tracked geom", name.clone(), "a geom that may touch the ground"),
             }
         }
+        // With an emulated step a drive reaches half a period further back.
         let taps = delay_taps(options.max_delay, options.control_dt, settings.emulated_step.is_some());
         Ok(Self { model: model.clone(), tree, isa, options, taps, tracked, geoms })
     }

@@ -99,6 +99,7 @@ impl Replay {
             return Err(SimError::Option { option: "max_delay", value, must: "from 0 to 1 s" });
         }
         let isa = options.isa.map_or_else(selected, Isa::checked)?;
+        // Without a recording there is no period to compile the robot for.
         let first = recordings.first().ok_or(SimError::Recording {
             index: 0,
             what: "there are no recordings; give at least one log".to_owned(),
@@ -117,6 +118,7 @@ impl Replay {
             ..Settings::new(&model.options, options.preset)
         };
         let tree = compile::<f32>(model, &settings)?;
+        // Centred drives reach half a period further back.
         let taps = delay_taps(options.max_delay, dt, true);
         Ok(Self { model: model.clone(), recordings, options, tree, isa, taps })
     }

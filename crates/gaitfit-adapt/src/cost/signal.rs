@@ -130,6 +130,7 @@ impl Weights {
     /// [`CostError::Weights`], [`CostError::MissingSignal`], [`CostError::AllConstant`].
     pub fn check(&self, reference: &Reference) -> Result<(), CostError> {
         let all = Signal::ALL.map(|signal| self.get(signal));
+        // If all are 0, nothing is compared.
         if all.iter().any(|weight| !weight.is_finite() || *weight < 0.0)
             || all.iter().all(|weight| *weight == 0.0)
         {

@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
 pub const MAX_SCANNED: usize = 50;
+// Between two steps the end of an interval is only interpolated; each step costs a simulation to both sides.
 /// Steps of the scan, parts of the range, half a decade apart; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Draws, where recordings are too few or the robot falls.

@@ -321,6 +321,7 @@ fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
     stream.fill_normals(0, &mut draws);
     let mut at = 0;
     for (inputs, outputs) in &NETWORK_LAYERS[..2] {
+        // A layer has its weights first, then its biases.
         let (matrix, end) = (at + inputs * outputs, at + (inputs + 1) * outputs);
         draws[at..matrix].iter_mut().for_each(|weight| *weight /= (*inputs as f64).sqrt());
         draws[matrix..end].iter_mut().for_each(|bias| *bias *= BIAS_DEVIATION);

@@ -256,6 +256,7 @@ impl Parts {
             self.parts.iter().flat_map(|part| [part.geom.name.as_str(), part.body.as_str()]).collect();
         let mut scored: Vec<(f64, &str)> =
             names.into_iter().map(|other| (strsim::sorensen_dice(name, other), other)).collect();
+        // The sort is stable: names that are equally near stay in alphabetical order.
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         let nearest: Vec<String> = scored.iter().take(MAX_NAMES).map(|(_, name)| shown(name)).collect();
         let (name, robot) = (name.to_owned(), robot.to_owned());

@@ -78,6 +78,7 @@ pub(super) fn read_joint(
         effort: 0.0,
         follows: None,
         limits: None,
+        // Until a <limit> states a bound.
         unlimited: bounded,
     };
     for child in &element.children {
@@ -150,6 +151,7 @@ fn read_child(
             parts.ends[usize::from(child.name == "child")] = Some(link);
         }
         "origin" => {
+            // `read_origin` checks the attributes itself.
             parts.pose = read_origin(ctx, child)?;
             return Ok(());
         }

@@ -167,6 +167,7 @@ fn read_collision(
             _ => ctx.refuse(child.at, child.label(), "not known in <collision>", "remove it")?,
         }
     }
+    // A mesh gives no shape that collides, so there is no geom.
     Ok(kind.map(|shape| GeomSpec {
         name,
         at: element.at,

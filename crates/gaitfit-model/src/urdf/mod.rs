@@ -286,6 +286,7 @@ fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling
             let moves_it = |connection: &&Connection| {
                 connection.joint.as_ref().is_some_and(|other| other.name == joint.name)
             };
+            // 0 where the file states no effort: such a motor has no bound.
             let limit = connections.iter().find(moves_it).map_or(0.0, |connection| connection.effort);
             Actuator {
                 name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),

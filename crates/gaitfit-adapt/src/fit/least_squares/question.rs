@@ -111,6 +111,7 @@ pub fn answers<W: World + ?Sized>(
             return Ok(Comparison { left, step: Vec::new() });
         };
         let here = around(&problem, &question.values)?.ok_or_else(diverged)?;
+        // The loss is that of the real logs, so that both sides weigh their differences alike.
         let normal = Normal::whole(&here.jacobian, &here.residuals, *loss, problem.simulator.threads());
         let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
         let step = normal.step(RIDGE, moving).ok_or_else(flat)?;
