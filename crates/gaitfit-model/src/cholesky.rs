@@ -42,7 +42,7 @@ impl Cholesky {
         for (k, column) in self.columns.chunks_exact(n.max(1)).enumerate() {
             y[k] /= column[k];
             let known = y[k];
-            // A unit vector, or the column of a leaf, begins with zeros, which change nothing below.
+            // Where the vector is still 0, as a unit vector is before its 1, nothing below changes.
             if known == 0.0 {
                 continue;
             }

@@ -184,6 +184,7 @@ impl GeomForm {
             ));
         }
         let solid = match type_name {
+            // It is fitted to a mesh, so its size is not known here.
             _ if self.mesh => None,
             "sphere" => Some(Solid::Sphere { radius: size[0] }),
             "capsule" => Some(Solid::Capsule { radius: size[0], half_length: size[1] }),

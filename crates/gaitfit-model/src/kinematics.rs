@@ -117,12 +117,14 @@ pub fn lowest_point(geom: &Geom, frame: &Frame) -> f64 {
 /// Height of the base's origin in the world at which the lowest geom touches the ground, m, for the base at orientation
 /// `quaternion` and joint angles `q`.
 pub fn standing_height(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
+    // Of several planes the first one counts.
     let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
     ground + height_above_ground(model, quaternion, q)
 }
 
 /// As [`standing_height`], above the ground instead of in the world.
 pub fn height_above_ground(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
+    // With the base at height 0 the lowest point says how far the base must rise.
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion }, q);
     let mut lowest = f64::INFINITY;
     for pair in &model.pairs {

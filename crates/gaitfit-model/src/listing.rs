@@ -133,6 +133,7 @@ impl Model {
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
         };
+        // The first such joint stands for all.
         let (joint, [low, high]) = (0..self.joints.len()).find_map(|j| Some((j, of_joint(j)?)))?;
         let bound = symmetric([low, high]);
         let (kind, name) = (self.joints[joint].kind, shown(&self.joints[joint].name));

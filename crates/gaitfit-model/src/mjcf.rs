@@ -204,7 +204,7 @@ fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<()
             return Err(ctx.too_many(element.at, "keyframes", MAX_ITEMS));
         }
         let mut a = Attributes::new(element);
-        // MuJoCo fills in an empty attribute as if it were absent.
+        // An empty attribute counts as absent.
         let filled = |values: Option<Vec<f64>>| values.filter(|v| !v.is_empty());
         let key = KeySpec {
             at: element.at,

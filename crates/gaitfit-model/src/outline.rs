@@ -168,12 +168,14 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
             None => (None, path),
         },
         Some(("file", path)) => (None, path),
+        // Any other text is a path.
         _ => (None, filename),
     };
     // Files from Windows have backslashes.
     let base = rest.rsplit(['/', '\\']).next().unwrap_or(rest);
     let mut places = vec![folder.join(rest), folder.join(mesh_folder).join(base)];
     if let Some(package) = package {
+        // A relative folder has no ancestors above the one that the program runs in.
         let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
         for above in absolute.ancestors().take(MAX_FOLDERS) {
             // The package is a folder of that name, or a folder above under another name.

@@ -126,6 +126,7 @@ pub fn covered<P: AsRef<str>, S: AsRef<str>>(
     joints: &[S],
 ) -> Result<Vec<usize>, PatternError> {
     let patterns = compile(patterns)?;
+    // Each pattern must cover something: a typing error must not shorten a list in silence.
     for pattern in &patterns {
         if !joints.iter().any(|joint| pattern.covers(joint.as_ref())) {
             return Err(pattern.unmatched(robot, joints));

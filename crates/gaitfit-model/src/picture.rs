@@ -26,6 +26,7 @@ pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), 
     let wrong = |error: png::DecodingError| format!("not a PNG picture that can be read: {error}");
     let mut reader = decoder.read_info().map_err(wrong)?;
     let (columns, rows) = (reader.info().width as usize, reader.info().height as usize);
+    // Asked before memory is taken for the points.
     if rows.saturating_mul(columns) > max {
         return Err(format!("it has {columns} × {rows} points; at most {max} may be"));
     }

@@ -18,6 +18,7 @@ pub(crate) fn resolve_damping_ratios(model: &mut Model) {
         return;
     }
     let factor = factored_mass_matrix(model);
+    // The joints' degrees of freedom come behind those of a floating base.
     let first_joint = model.nv() - model.joints.len();
     for actuator in &mut model.actuators {
         if is_ratio(actuator.gain, actuator.bias) {

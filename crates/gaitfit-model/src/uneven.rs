@@ -36,6 +36,7 @@ impl Model {
                 None => model.pairs.push(ContactPair { ground, ..pair.clone() }),
                 Some(parts) => {
                     for Part { shape, position, quaternion } in parts {
+                        // The pair names the geom that is pushed next.
                         model.pairs.push(ContactPair { geom: model.geoms.len(), ground, ..pair.clone() });
                         model.geoms.push(Geom {
                             name: geom.name.clone(),

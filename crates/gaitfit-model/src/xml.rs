@@ -110,6 +110,7 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
     let mut loader =
         Loader { sources, base: Some(folder), seen: HashSet::new(), bytes: 0, nodes: 0, models: 0 };
     let text = loader.read(path)?;
+    // No include may name the main file.
     loader.seen.insert(canonical(path));
     loader.parse(path.display().to_string(), text, 1)
 }

@@ -95,6 +95,7 @@ impl Batch {
         let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
         let mut tracked = Vec::with_capacity(options.tracked.len());
         for name in &options.tracked {
+            // A geom that meets several grounds has its place in the first of its pairs.
             match geoms.iter().position(|&geom| model.geoms[geom].name == *name) {
                 Some(pair) => tracked.push(pair),
                 None => return refuse("a tracked geom", name.clone(), "a geom that may touch the ground"),

@@ -152,6 +152,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
             tree: &tree,
             params: &batch.params,
             targets: &mut scratch.targets,
+            // Neither disturbances nor modifications: the plain step is measured.
             disturbance: &[],
             modifications: &[],
             memory: &mut [],
@@ -175,7 +176,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
                 period(scratch, &mut batch, targets);
             }
         });
-        // The first repetitions also touch their memory for the first time.
+        // A first repetition is slower: it touches its memory for the first time.
         if repetition >= WARM_UP {
             times.push(start.elapsed().as_secs_f64());
         }

@@ -78,7 +78,7 @@ pub fn modifications<T: Real>(
     parts: Parts,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
     let others = parts.modifications(model.joints.len()).into_iter().map(Ok);
-    // Memories of sensors are looked for behind those of networks, so the networks come first.
+    // All memory behind the first sensor counts as memory of sensors, so the networks come first.
     networks.iter().map(|one| one.compile::<T>(model)).chain(others).collect()
 }
 

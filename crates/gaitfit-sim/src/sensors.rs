@@ -67,7 +67,7 @@ impl Imu {
     /// Orientation and angular velocity (rad/s, body frame) of the base of which the unit reads these: the inverse of
     /// [`Imu::attitude`] and [`Imu::rates`].
     pub fn base(&self, attitude: [f32; 4], rates: [f32; 3]) -> ([f32; 4], [f32; 3]) {
-        // The bias is in the unit's axes, so it goes before the turn.
+        // The bias is in the axes of the unit, so it is taken away before the turn.
         let unbiased = sub(rates, self.bias);
         let [x, y, z] = self.axes;
         // The axes are the columns of R, so this is R times the rates.

@@ -62,6 +62,7 @@ impl Constants {
         let min_alpha = (1.0 + c1 / cmu) // eq. 50
             .min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0)) // eq. 51
             .min((1.0 - c1 - cmu) / (n * cmu)); // eq. 52
+        // With an odd population the middle weight is 0 and belongs to neither sum.
         let positive: f64 = raw.iter().filter(|weight| **weight > 0.0).sum();
         let negative: f64 = raw.iter().filter(|weight| **weight < 0.0).map(|weight| -weight).sum();
         // eq. 53
@@ -112,6 +113,7 @@ impl Constants {
             c_sigma,
             d_sigma: damping(n, mu_eff, c_sigma),
             chi_n: chi(n),
+            // The decomposition of a diagonal is a root for each coordinate, so it is made every time.
             decompose_every: 1,
         }
     }

@@ -109,6 +109,7 @@ impl Search {
         // A state read from a file is checked in full: a damaged one would give other results without an error.
         let n = settings.start.len();
         for (number, run) in (0_u32..).zip(&finished) {
+            // A run in which every candidate failed has no best one, and nothing to check.
             let bests = run.best.as_ref().map(|best| best.x.len());
             if run.run != number
                 || run.mean.len() != n

@@ -99,6 +99,7 @@ fn sum_differences(a: &[f32], b: &[f64], width: usize, of: impl Fn(f64) -> f64) 
 impl Accumulator for AlignedSums<'_> {
     /// Every recording of the reference must be added once.
     fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
+        // After an error the accumulator must be empty, see the trait.
         self.compare(recording, simulated).inspect_err(|_| self.clear())
     }
 

@@ -65,6 +65,7 @@ impl TimeAligned {
         if constant(Signal::BaseVelocity) {
             weights.base_velocity = 0.0;
         }
+        // Only now: a base that is constant has just lost its weights.
         weights.check(&reference)?;
         // Never is no reset after the first: the simulated robot starts in the recording's state.
         let resets = Resets::State(horizon.map_or(usize::MAX, NonZeroUsize::get));

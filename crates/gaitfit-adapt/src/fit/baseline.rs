@@ -18,6 +18,7 @@ pub struct TargetSignal<'a> {
 /// differences of the predicted positions.
 pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     let TargetSignal { target, joints, dt } = signal;
+    // Without a whole sample there is nothing to predict.
     if joints == 0 || target.len() < joints {
         return Predicted::default();
     }
@@ -58,6 +59,7 @@ pub fn best_delay(longest: f64, step: f64, mut error: impl FnMut(f64) -> f64) ->
         }
     };
     for i in 0..=(longest / step).ceil() as usize {
+        // The last step of the grid may go beyond the longest delay.
         look((i as f64 * step).min(longest), &mut best);
     }
     let centre = best.1;

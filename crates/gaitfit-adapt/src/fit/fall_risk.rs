@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-// Fewer say little of up to 100 slopes. More would also remember regions that the search has left.
+// Fewer candidates say little of up to 100 slopes. More would come from regions that the search has left.
 /// How many of the last candidates are remembered.
 const REMEMBERED: usize = 512;
 /// Max entries of θ for a regression; with more, for example the weights of networks, falls count only where they are seen.

@@ -18,7 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Max free parameters whose pairs are simulated: 20 are 380 moves of two.
 const MAX_FREE: usize = 20;
-// A Newton step is as long as this is small: a much lower value would let noise alone set the interval.
+// Half of it doubles a Newton step along the flattest direction. Far lower, noise alone would set the interval.
 /// Least eigenvalue of the curvature, parts of its mean diagonal: flatter directions are not told apart from noise.
 const FLATTEST: f64 = 0.05;
 /// Part of a parameter's range that it must be able to move to both sides.

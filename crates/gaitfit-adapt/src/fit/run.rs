@@ -171,6 +171,7 @@ impl Run {
         if finite.is_empty() {
             return Err(all_diverged());
         }
+        // The search gives patience and tolerance the same name, so patience is remembered here.
         let mut stuck = false;
         if restarted {
             // Costs before a restart say nothing of the run after it.
@@ -273,7 +274,7 @@ impl Run {
             CmaError::State(what) => broken(what),
             other => broken(other.to_string()),
         };
-        // The search resumes under the new limits. Why it had stopped follows from these, not from the file.
+        // The search resumes under the new limits, so it is asked anew whether and why it has stopped.
         let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
                 let mut search = Search::resume(settings(self.seed, theta, options), plan(options), *state)

@@ -176,6 +176,7 @@ impl NetworkRule {
                     joints: share.joints.iter().map(|&joint| joint.clone()).collect(),
                     lower: self.lower,
                     upper: self.upper,
+                    // Random starts differ from seed to seed; this is their mean.
                     start: 0.0,
                     deviation: self.deviation,
                 });

@@ -27,6 +27,7 @@ pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
     let unit = elements().find(|node| named(node, "unit"));
     let metre =
         unit.and_then(|unit| unit.attribute("meter")?.parse::<f64>().ok()).filter(|metre| *metre > 0.0);
+    // Collada's own default is the metre.
     let scale = metre.unwrap_or(1.0);
     let root = UNMOVED.map(|row| row.map(|x| x * scale));
 
@@ -80,6 +81,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 }
                 "node" => self.read_node(child, transform, depth + 1)?,
                 "instance_node" => {
+                    // A node may name one that it lies in; the depth ends that.
                     if let Some(other) = self.find(child, "url") {
                         self.read_node(other, transform, depth + 1)?;
                     }

@@ -349,6 +349,7 @@ impl Model {
             SelfContact::Pairs(pairs) => {
                 for [one, other] in pairs {
                     let (first, second) = (parts.named(one, &self.name)?, parts.named(other, &self.name)?);
+                    // In ascending order, as the file's rules have them.
                     let all = first.iter().flat_map(|&a| second.iter().map(move |&b| [a.min(b), a.max(b)]));
                     let apart: BTreeSet<[usize; 2]> = all.filter(|&[a, b]| parts.apart(a, b)).collect();
                     if apart.is_empty() {

@@ -217,6 +217,7 @@ impl Inference<'_> {
 
     /// Whether what a round misses is not worth another one.
     fn settled(&self, round: &Round) -> bool {
+        // What the fit of the real logs has beyond the mean of this round's fits.
         let missed: Vec<f64> = self.values.iter().zip(round.mean()).map(|(value, fit)| value - fit).collect();
         let noise = round.noise();
         let entries = self.problem.theta.entries().iter().zip(&self.moving);

@@ -75,6 +75,7 @@ pub struct GaussNewton {
 
 /// The value nearest to `value` that is a deviation off the bounds of `entry`, or in their middle.
 pub fn off_bounds(entry: &Entry, value: f64) -> f64 {
+    // In a range narrower than two deviations the middle is as far off the bounds as can be.
     let room = (0.5 * (entry.upper - entry.lower)).min(entry.deviation);
     value.clamp(entry.lower + room, entry.upper - room)
 }

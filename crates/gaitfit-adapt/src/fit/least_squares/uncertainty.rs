@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-// Student's quantile is 2.07 for 23 degrees of freedom. Much fewer pieces would widen all intervals.
+// Student's quantile is 2.07 for 23 degrees of freedom. Far fewer pieces would widen all intervals.
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
 /// Fewest samples of a piece, half a second at 50 Hz: what happens within belongs together.

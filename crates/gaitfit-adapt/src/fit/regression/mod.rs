@@ -108,6 +108,7 @@ impl Regression {
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
         let Some(last) = self.rounds.last() else { return false };
+        // Results of earlier versions lack some of these lists.
         let at_entry = |numbers: &[f64]| numbers.get(entry).copied();
         let (error, disagreement) = (at_entry(&last.errors), at_entry(&last.disagreement));
         let whole = at_entry(&last.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);

@@ -86,6 +86,7 @@ impl Lane {
         let mut params = params.clone();
         let from = &replay.recordings[recording];
         for (j, joint) in params.joints.iter_mut().enumerate() {
+            // The gains are the recording's; a candidate has factors on them.
             joint.kp = candidate.kp_scale[j] * from.kp[j];
             joint.kd = candidate.kd_scale[j] * from.kd[j];
         }

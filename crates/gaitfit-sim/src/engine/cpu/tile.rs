@@ -132,6 +132,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for j in 0..joints {
             let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
+            // The velocity `lead` seconds on, by the last acceleration.
             let velocity = lead.map_or(state.qvel[j], |lead| lead.fma(state.qacc[j], state.qvel[j]));
             self.scatter(velocity, &mut motion.joint_velocity, first, joints, j);
             if let Some(place) = self.sensors.velocities {
@@ -187,6 +188,7 @@ fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
 impl<T: Lanes> Block<T> {
     /// Every number that changes from step to step.
     fn numbers(&mut self) -> impl Iterator<Item = &mut T> {
+        // `robot`, `set_robot` and saved tiles rely on this order.
         let mut state = Vec::new();
         self.state.visit_mut(|_, number| state.push(number));
         let last =
@@ -227,6 +229,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             let state = &mut self.blocks[of_block[0].0 / T::LANES].state;
             let vectors = state.base_acceleration.map(|vector| vector.map(lanes));
             let quaternions = state.base_quaternion.map(lanes);
+            // How far each robot's reported velocity is ahead of the integrator's.
             let changes: Vec<[[f32; 3]; 2]> = of_block
                 .iter()
                 .map(|(environment, _)| {
@@ -283,6 +286,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 let target = self.gather(targets, first, joints, j);
                 self.blocks[index].history[j] = target;
             }
+            // It stays empty if there are no disturbances.
             self.disturbance.clear();
             for substep in disturbance.chunks_exact(joints * self.environments) {
                 for j in 0..joints {
@@ -303,6 +307,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                         settled.store(&mut values);
                         set_lane(number, lane, values[lane]);
                     }
+                    // All older targets become the new one.
                     for j in 0..joints {
                         block.history[j].store(&mut values);
                         for tap in block.history[j..].iter_mut().step_by(joints) {
