@@ -68,6 +68,7 @@ impl ReplaySimulator {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.identity.joints, &mut candidate);
         if self.lead != 0.0 {
+            // The replay keeps only so many sent targets, and refuses longer delays.
             let max = self.replay.options().max_delay;
             let late = |delay: &mut f64| *delay = (*delay + self.lead).clamp(0.0, max);
             candidate.robot.delay.iter_mut().for_each(late);
@@ -144,6 +145,7 @@ impl Simulator for ReplaySimulator {
             consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));
         };
         self.engine.replay(&self.replay, &robots, &pass, cancel).map_err(SimulatorError::failed)?;
+        // The engine returns without an error if it was cancelled.
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 

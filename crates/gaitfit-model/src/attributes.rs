@@ -40,6 +40,7 @@ impl Context<'_> {
 
     /// Lists something that reading added or mended.
     pub fn note(&mut self, at: At, what: impl Into<String>, how: impl Into<String>) {
+        // A file with so many changes is read all the same; only the list ends here.
         if self.changed.len() < MAX_DROPPED {
             let Place { line, column, .. } = self.sources.place(at);
             self.changed.push(Changed { what: what.into(), how: how.into(), line, column });
@@ -140,6 +141,7 @@ impl<'e> Attributes<'e> {
     /// Text of an attribute.
     pub fn text(&mut self, name: &str) -> Option<&'e str> {
         let index = self.element.attributes.iter().position(|a| a.name == name)?;
+        // `finish` refuses every attribute without this mark.
         self.used[index] = true;
         Some(&self.element.attributes[index].value)
     }
@@ -162,6 +164,7 @@ impl<'e> Attributes<'e> {
         let mut values = Vec::new();
         for word in text.split_whitespace() {
             match word.parse::<f64>() {
+                // `parse` also accepts `inf` and `nan`.
                 Ok(value) if value.is_finite() => values.push(value),
                 _ => {
                     return Err(ctx.invalid(
@@ -287,6 +290,7 @@ impl<'e> Attributes<'e> {
         remedy: &str,
     ) -> Result<(), ModelError> {
         match self.numbers(ctx, name)? {
+            // Zeros ask for nothing, so the engine honours them.
             Some(values) if values.iter().any(|v| *v != 0.0) => {
                 ctx.refuse(self.at(name), format!("`{name}` of {}", self.element.label()), why, remedy)
             }

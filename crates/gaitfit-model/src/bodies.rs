@@ -260,8 +260,10 @@ impl<'c, 's> BodyReader<'c, 's> {
             }
         }
         let c = self.compiler;
+        // <compiler> may demand a least mass and least moments.
         inertial.mass = inertial.mass.max(c.bound_mass);
         inertial.inertia = inertial.inertia.map(|i| i.max(c.bound_inertia));
+        // A mending reading takes the mean moment where others end with the error.
         check_inertia(self.ctx, element.at, &element.label(), inertial, c.balance_inertia)
             .or_else(|error| balance(self.ctx, element.at, &element.label(), inertial).ok_or(error))
     }
@@ -277,6 +279,7 @@ impl<'c, 's> BodyReader<'c, 's> {
             Finished::Dropped => {}
             Finished::Free(free) => {
                 self.add_free(element, scope)?;
+                // A free joint that nothing resists needs no numbers.
                 self.bodies[scope.body].free_joint = Some(free).filter(|free| !free.is_plain());
             }
             Finished::Moving(joint) => {

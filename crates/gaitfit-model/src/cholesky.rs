@@ -28,6 +28,7 @@ impl Cholesky {
                 m[i * size + j] = x / pivot;
             }
         }
+        // Transposed once here, because `inverse_form` goes through L column by column.
         let columns = (0..size * size).map(|at| m[at % size * size + at / size]).collect();
         Self { columns, size }
     }
@@ -41,6 +42,7 @@ impl Cholesky {
         for (k, column) in self.columns.chunks_exact(n.max(1)).enumerate() {
             y[k] /= column[k];
             let known = y[k];
+            // Where the vector is still 0, as a unit vector is before its 1, nothing below changes.
             if known == 0.0 {
                 continue;
             }

@@ -52,8 +52,10 @@ pub(crate) fn compile(
     if ctx.mend {
         fill_masses(ctx, &mut spec, &welds, &member);
     }
+    // Checked before anything is renumbered: the messages name places of the file.
     check_sizes(ctx, &spec, &member)?;
     check_masses(ctx, &spec, &welds, &member)?;
+    // Contacts with the ground become pairs; those of the robot with itself are only counted.
     let pairs = candidates(ctx, &spec, &welds, &member)?;
     let ignored = self_collisions(&spec, &welds, &member);
     if ignored > 0 {
@@ -63,6 +65,7 @@ pub(crate) fn compile(
             format!("self-collision ({ignored} geom pairs)"),
             "contacts are computed between the robot and ground planes only",
         );
+        // It comes from no single place of the file, which line 0 says.
         if let Some(last) = ctx.dropped.last_mut() {
             (last.line, last.column) = (0, 0);
         }
@@ -97,6 +100,7 @@ pub(crate) fn compile(
     if spec.disabled.gravity {
         model.options.gravity = [0.0; 3];
     }
+    // From here on numbers are the model's own: the root is 0, and other bodies are gone.
     let joint_numbers = fill_bodies(&mut model, &spec, root, &member);
     if ctx.mend {
         model.outlines = outlines(&spec, &member);
@@ -104,6 +108,7 @@ pub(crate) fn compile(
     fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
     fill_actuators(ctx, &mut model, &mut spec, &joint_numbers);
     model.couplings = of_robot(&spec, &joint_numbers);
+    // Before the flags: a `springdamper` gives stiffness and damping, which they may switch off.
     resolve_springs(&mut model);
     for joint in &mut model.joints {
         if spec.disabled.spring {
@@ -147,6 +152,7 @@ fn fill_actuators(ctx: &mut Context, model: &mut Model, spec: &mut Spec, joint_n
 
 fn scale_total_mass(spec: &mut Spec) {
     let sum: f64 = spec.bodies.iter().map(|b| b.inertial.mass).sum();
+    // Masses that sum to nothing cannot be scaled.
     if let Some(wanted) = spec.total_mass.filter(|_| sum > MIN_MASS) {
         for body in &mut spec.bodies {
             body.inertial.mass *= wanted / sum;
@@ -156,6 +162,7 @@ fn scale_total_mass(spec: &mut Spec) {
 }
 
 fn is_below(spec: &Spec, mut body: usize, root: usize) -> bool {
+    // Parents have smaller numbers than their children, so the climb stops at `root` or passes it.
     while body > root {
         body = spec.bodies[body].parent;
     }
@@ -177,6 +184,7 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
             .filter(|&b| is_below(spec, b, index))
             .map(|b| spec.bodies[b].joints.len())
             .sum();
+        // Scenery: nothing of it moves.
         if joints == 0 && body.free.is_none() {
             continue;
         }
@@ -201,6 +209,7 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
 fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Result<Root, ModelError> {
     let body = &spec.bodies[root];
     let root_kind = if body.free.is_some() { Root::Floating } else { Root::Fixed };
+    // A root on hinges is held by them; a free joint beside them would be another robot.
     match wanted {
         Some(Root::Floating) if !body.joints.is_empty() => Err(ctx.invalid(
             body.at,
@@ -232,6 +241,7 @@ fn weld_roots(spec: &Spec, root: usize, floating: bool, member: &[bool]) -> Vec<
         let moves = if index == root {
             floating || !body.joints.is_empty()
         } else {
+            // A free body of another robot moves too, although it is dropped.
             !body.joints.is_empty() || (body.free.is_some() && !member[index])
         };
         welds[index] = if moves { index } else { welds[body.parent] };
@@ -263,9 +273,11 @@ fn check_sizes(ctx: &Context, spec: &Spec, member: &[bool]) -> Result<(), ModelE
 /// Everything that moves needs mass and inertia, its own or of parts welded to it.
 fn check_masses(ctx: &Context, spec: &Spec, welds: &[usize], member: &[bool]) -> Result<(), ModelError> {
     for (index, body) in spec.bodies.iter().enumerate().skip(1) {
+        // The topmost body of a weld answers for all parts of it.
         if welds[index] != index || !member[index] {
             continue;
         }
+        // Parts have larger numbers than the body that they are welded to.
         let parts = || (index..welds.len()).filter(|&b| welds[b] == index).map(|b| spec.bodies[b].inertial);
         let mass: f64 = parts().map(|p| p.mass).sum();
         if mass < MIN_MASS || !parts().any(|p| p.inertia.iter().any(|i| *i >= MIN_MASS)) {
@@ -284,9 +296,11 @@ fn fill_bodies(model: &mut Model, spec: &Spec, root: usize, member: &[bool]) -> 
     let mut numbers = Vec::new();
     for (index, body) in spec.bodies.iter().enumerate() {
         if !member[index] {
+            // Joints of dropped bodies keep their places, because actuators and couplings count the file's joints.
             numbers.extend(body.joints.iter().map(|_| None));
             continue;
         }
+        // Bodies of the robot follow each other, so subtracting the root's number is enough.
         let place = index - root;
         model.bodies.push(Body {
             name: body.name.clone(),
@@ -330,6 +344,7 @@ fn obstacle(spec: &Spec, body: usize, geom: &GeomSpec) -> Obstacle {
     let shape = match geom.kind {
         GeomKind::Field(field) => ObstacleShape::Field(spec.fields[field].clone()),
         GeomKind::Solid(Shape::Box { half_size }) => ObstacleShape::Box { half_size },
+        // Never reached: `fill_geoms` makes obstacles of boxes and height fields only.
         _ => ObstacleShape::Box { half_size: [0.0; 3] },
     };
     Obstacle { name: geom.name.clone(), pos, quat, shape }
@@ -348,6 +363,7 @@ fn fill_geoms(
     let root = member.iter().position(|m| *m).unwrap_or(0);
     let mut places = Vec::new();
     for (number, (body, geom)) in numbered(spec).into_iter().enumerate() {
+        // A visual geom collides all the same if a <pair> names it.
         let paired = pairs.iter().any(|p| p.geom == number || p.ground == number);
         let visual = geom.surface.is_visual() && !paired;
         let what = |kind: &str| format!("geom \"{}\" ({kind})", shown(&geom.name));
@@ -407,6 +423,7 @@ fn fill_geoms(
         }
         places.push(place);
     }
+    // A pair whose geom or ground was refused or dropped has no place for it and goes too.
     for pair in pairs {
         if let (Some(Place::Geom(geom)), Some(Place::Ground(ground))) =
             (places[pair.geom], places[pair.ground])

@@ -59,6 +59,7 @@ pub(crate) fn candidates(
         let (body, geom) = geoms[g];
         match geom.kind {
             GeomKind::Plane => welds[body] == 0,
+            // A box of the robot itself is a geom of it, even where it is fixed to the world.
             GeomKind::Field(_) | GeomKind::Solid(Shape::Box { .. }) => welds[body] == 0 && !robot[body],
             _ => false,
         }
@@ -87,6 +88,7 @@ pub(crate) fn candidates(
     }
     let excluded: HashSet<(usize, usize)> = spec.excludes.iter().copied().collect();
     let grounds: Vec<usize> = (0..geoms.len()).filter(|&g| is_ground(g)).collect();
+    // Then all pairs that the contact bits allow and nothing rules out.
     for geom in (0..geoms.len()).filter(|&g| touches(g)) {
         for &ground in &grounds {
             let bodies = (geoms[ground].0.min(geoms[geom].0), geoms[ground].0.max(geoms[geom].0));

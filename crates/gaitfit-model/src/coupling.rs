@@ -75,6 +75,7 @@ impl Model {
             let mut moves = false;
             for coupling in self.couplings.iter().filter(|coupling| !stated.contains(&coupling.follower)) {
                 let reference = |joint: usize| self.joints[joint].reference;
+                // A joint that is held has no leader: x is 0, and c₀ alone counts.
                 let moved = coupling.leader.map_or(0.0, |leader| positions[leader] - reference(leader));
                 let position = reference(coupling.follower) + coupling.follow(moved);
                 moves |= position != positions[coupling.follower];
@@ -169,6 +170,7 @@ pub(crate) fn read_couplings<'e>(
         };
         let mut form = defaults.class(class).coupling.clone();
         form.apply(ctx, &mut a)?;
+        // MuJoCo's default: the follower moves as its leader does.
         let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "polycoef", &mut polynomial)?;
         let Some(follower) = a.text("joint1").filter(|name| !name.is_empty()) else {

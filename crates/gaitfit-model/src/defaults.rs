@@ -109,6 +109,7 @@ impl Defaults {
                         format!("default classes of two attached files are called \"{}\"", shown(name));
                     return Err(ctx.invalid(at, message, "give every <attach> a `prefix` of its own"));
                 }
+                // Not a copy of `main`: the other file does not inherit from this one.
                 self.classes.push(Class::default());
                 self.names.insert(name.to_string(), self.classes.len() - 1);
                 self.classes.len() - 1

@@ -36,6 +36,7 @@ pub(crate) fn add_floor(
     }
     let named = named_by_pairs(document, bodies);
     let mut name = named.clone().unwrap_or_else(|| NAME.to_string());
+    // A geom of the robot may have this name already.
     while bodies.iter().flat_map(|body| &body.geoms).any(|geom| geom.name == name) {
         name.push('_');
     }

@@ -138,6 +138,7 @@ impl GeomForm {
         let at = element.at;
         let mut size = self.size;
         let (mut pos, mut quat) = (self.pos, self.quat);
+        // `fromto` gives length, place and direction at once.
         if let Some([x0, y0, z0, x1, y1, z1]) = self.fromto {
             if !matches!(type_name, "capsule" | "cylinder" | "box" | "ellipsoid") {
                 return Err(ctx.invalid(
@@ -183,6 +184,7 @@ impl GeomForm {
             ));
         }
         let solid = match type_name {
+            // It is fitted to a mesh, so its size is not known here.
             _ if self.mesh => None,
             "sphere" => Some(Solid::Sphere { radius: size[0] }),
             "capsule" => Some(Solid::Capsule { radius: size[0], half_length: size[1] }),
@@ -191,6 +193,7 @@ impl GeomForm {
             "ellipsoid" => Some(Solid::Ellipsoid { semi_axes: size }),
             _ => None,
         };
+        // Shapes that are computed keep their sizes; of the others only a name is needed, for messages.
         let kind = match (type_name, solid) {
             ("plane", _) => GeomKind::Plane,
             ("hfield", _) => self.field(ctx, element, fields)?,
@@ -208,6 +211,7 @@ impl GeomForm {
             (other, _) => GeomKind::Other(other),
         };
         let name = element.get("name").unwrap_or("").to_string();
+        // `meshes` is empty unless the reading mends.
         let mesh = self.mesh_name.as_deref().and_then(|name| meshes.get(name)).cloned();
         let inertial = self.inertial(ctx, element, kind, solid, pos, quat)?;
         Ok((GeomSpec { name, at, pos, quat, kind, surface: self.surface, mesh }, inertial))
@@ -253,6 +257,7 @@ impl GeomForm {
             let why = "shapes are solid here";
             ctx.refuse(element.at, what, why, "give the body an <inertial>, and remove it")?;
         }
+        // A stated mass goes before the density, as in MuJoCo.
         let mass = self.mass.unwrap_or(self.density * solid.volume());
         if !mass.is_finite() {
             return Err(ctx.invalid(

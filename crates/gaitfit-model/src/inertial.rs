@@ -83,6 +83,7 @@ pub(crate) fn without_rounding(moments: [f64; 3]) -> [f64; 3] {
     let largest = moments.iter().fold(0.0_f64, |largest, moment| largest.max(moment.abs()));
     let small = ROUNDING.max(ROUNDING_SHARE * largest);
     let mut kept = moments.map(|moment| if moment < 0.0 && moment >= -small { 0.0 } else { moment });
+    // A flat body lies on the border: its largest moment is the sum of the other two.
     for one in 0..3 {
         let others = kept[(one + 1) % 3] + kept[(one + 2) % 3];
         if kept[one] > others && kept[one] - others <= small {

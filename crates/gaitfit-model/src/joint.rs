@@ -110,6 +110,7 @@ impl JointForm {
                         "use <freejoint/>, which takes no defaults",
                     )?;
                 }
+                // Axis, range and reference mean nothing to a free joint.
                 return Ok(Finished::Free(FreeJoint {
                     armature: j.armature,
                     damping: j.damping,
@@ -129,6 +130,7 @@ impl JointForm {
         let mut j = self.joint.clone();
         j.name = element.get("name").unwrap_or("").to_string();
         j.kind = kind;
+        // The file writes axis and anchor in the axes of the enclosing frames.
         j.axis = unit(rotate(frame.1, j.axis)).ok_or_else(|| {
             ctx.invalid(at, format!("{}: the axis is zero", element.label()), "give a direction")
         })?;
@@ -201,6 +203,7 @@ pub(crate) fn resolve_range(
         }
         _ => given,
     };
+    // Only a range that acts must be in order.
     if on && range[0] >= range[1] {
         return Err(ctx.invalid(
             at,

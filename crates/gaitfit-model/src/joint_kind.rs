@@ -59,6 +59,7 @@ impl JointKind {
         let power = UNITS.iter().find(|(hinge, ..)| *hinge == unit).map_or(0, |(.., power)| *power);
         match power {
             _ if self.is_hinge() => value,
+            // Division by 10 keeps round numbers round; multiplication by 0.1 does not.
             power if power > 0 => value / PER_METRE.powi(power),
             power => value * PER_METRE.powi(-power),
         }
@@ -96,6 +97,7 @@ impl JointAxis {
     /// Generalized force on the joint of a force and of its moment about the frame's origin, N·m (slides: N).
     pub fn share_of(&self, force: Vec3, moment: Vec3) -> f64 {
         match self.kind {
+            // The moment is taken about the anchor; its part along the axis drives the hinge.
             JointKind::Hinge => dot(self.axis, sub(moment, cross(self.anchor, force))),
             JointKind::Slide => dot(self.axis, force),
         }

@@ -42,6 +42,7 @@ pub fn body_frames(model: &Model, base: &Frame, q: &[f64]) -> Vec<Frame> {
             Some(parent) => frames[parent].then(&Frame::new(body)),
             None => *base,
         };
+        // Several joints of one body act in list order, as in MuJoCo.
         for (joint, &position) in model.joints.iter().zip(q).filter(|(joint, _)| joint.body == index) {
             frame = joint.moved(&frame, position);
         }
@@ -103,6 +104,7 @@ impl Reach {
         let rise = |edge: Vec3| rotate(body, edge)[2].abs();
         let edges = rise(self.edges[0]) + rise(self.edges[1]) + rise(self.edges[2]);
         let slope = rotate(body, self.axis)[2];
+        // Rounding may bring the slope of an upright axis above 1.
         edges + self.rim * (1.0 - slope * slope).max(0.0).sqrt() + self.radius
     }
 }
@@ -115,12 +117,14 @@ pub fn lowest_point(geom: &Geom, frame: &Frame) -> f64 {
 /// Height of the base's origin in the world at which the lowest geom touches the ground, m, for the base at orientation
 /// `quaternion` and joint angles `q`.
 pub fn standing_height(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
+    // Of several planes the first one counts.
     let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
     ground + height_above_ground(model, quaternion, q)
 }
 
 /// As [`standing_height`], above the ground instead of in the world.
 pub fn height_above_ground(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
+    // With the base at height 0 the lowest point says how far the base must rise.
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion }, q);
     let mut lowest = f64::INFINITY;
     for pair in &model.pairs {

@@ -39,6 +39,7 @@ impl Model {
         let mut places: HashMap<(String, &str, bool), usize> = HashMap::new();
         for dropped in &self.dropped {
             let kind = kind(&dropped.what);
+            // The first thing of a kind makes its group, so groups have the file's order.
             let place = *places.entry((kind.clone(), &dropped.why, dropped.harmless)).or_insert(groups.len());
             if place == groups.len() {
                 let group = LeftOut {
@@ -56,6 +57,7 @@ impl Model {
             (group.line, group.last_line) = (group.line.min(dropped.line), group.last_line.max(dropped.line));
         }
         let named = |(group, kind): (LeftOut, String)| match group.count {
+            // A single thing keeps its name.
             1 => group,
             count => {
                 // The name stands between the first two quotation marks.
@@ -131,6 +133,7 @@ impl Model {
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
         };
+        // The first such joint stands for all.
         let (joint, [low, high]) = (0..self.joints.len()).find_map(|j| Some((j, of_joint(j)?)))?;
         let bound = symmetric([low, high]);
         let (kind, name) = (self.joints[joint].kind, shown(&self.joints[joint].name));
@@ -151,6 +154,7 @@ impl Model {
         if free.is_empty() {
             return None;
         }
+        // Where no joint has a bound, names say nothing more.
         if free.len() == driven.len() {
             let what = if all { "joint" } else { "actuator" };
             return Some(format!("no {what} of the robot has an effort limit"));

@@ -108,6 +108,7 @@ fn read(path: &Path, model: &Model) -> Looks {
         let meshes = outlines.iter().filter(|outline| outline.colliding != shown && is_mesh(outline));
         // A link with a missing mesh has none: a part of a link looks like another robot.
         let whole: Option<Vec<Look>> = meshes.map(|outline| files.look(&body, outline)).collect();
+        // A link that would pass the limit is left out whole.
         places.extend(whole.filter(|whole| places.len() + whole.len() <= MAX_PLACES).unwrap_or_default());
     }
     // Meshes of links that are left out would take triangles from the others.
@@ -115,6 +116,7 @@ fn read(path: &Path, model: &Model) -> Looks {
     let mut thin = files.pool.thinned(MAX_TRIANGLES);
     places.retain(|place| !thin[place.mesh].triangles.is_empty());
     let middles: Vec<Vec3> = thin.iter_mut().map(centred).collect();
+    // Meshes without a place on a link are left out, so the others get new numbers.
     let (mut meshes, mut numbers) = (Vec::new(), vec![None; thin.len()]);
     for place in &mut places {
         (place.pos, place.quat) = compose((place.pos, place.quat), (middles[place.mesh], IDENTITY));

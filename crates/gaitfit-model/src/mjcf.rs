@@ -42,6 +42,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     let document = expanded.as_ref().unwrap_or(document);
     let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
 
+    // Each section may name things of those before it: classes, assets, bodies, then contacts and actuators.
     let mut options = default_options();
     let mut disabled = Disabled::default();
     for section in sections("option") {
@@ -95,6 +96,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     for section in sections("custom") {
         read_speed_limits(ctx, section, &mut spec)?;
     }
+    // What nothing has read so far is listed or refused.
     for section in &document.children {
         other_section(ctx, section)?;
     }
@@ -134,6 +136,7 @@ fn other_equalities(ctx: &mut Context, section: &Element) -> Result<(), ModelErr
     for child in section.children.iter().filter(|child| mend::is_active(child)) {
         match child.name.as_str() {
             "joint" => {}
+            // A mending reading drops the tendons, and these constraints go with them.
             "tendon" if ctx.mend && !ctx.lenient => {}
             "tendon" => ctx.refuse(
                 child.at,
@@ -182,6 +185,7 @@ fn read_actuators(
         let mut form = defaults.class(class).actuator.clone();
         a.ignore(&["name"]);
         form.apply(ctx, &mut a)?;
+        // The other attributes of an actuator that was dropped do not matter.
         if let Some(actuator) = form.finish(ctx, element, &mut a, compiler, &joints)? {
             a.finish(ctx)?;
             spec.actuators.push(actuator);
@@ -200,6 +204,7 @@ fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<()
             return Err(ctx.too_many(element.at, "keyframes", MAX_ITEMS));
         }
         let mut a = Attributes::new(element);
+        // An empty attribute counts as absent.
         let filled = |values: Option<Vec<f64>>| values.filter(|v| !v.is_empty());
         let key = KeySpec {
             at: element.at,

@@ -336,6 +336,7 @@ pub struct Coupling {
 impl Coupling {
     /// The follower's distance from its reference where the leader is `x` from its own.
     pub fn follow(&self, x: f64) -> f64 {
+        // Horner's scheme, from the highest power down.
         self.polynomial.iter().rev().fold(0.0, |sum, c| sum * x + c)
     }
 }

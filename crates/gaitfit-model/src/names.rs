@@ -19,6 +19,7 @@ pub(crate) fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), Mode
     let mut geoms = Vec::new();
     let mut sites = Vec::new();
     for body in &mut spec.bodies {
+        // Sites have no place in the file here; messages name that of their body.
         let at = body.at;
         bodies.push((&mut body.name, at));
         joints.extend(body.joints.iter_mut().map(|(j, at)| (&mut j.name, *at)));
@@ -29,6 +30,7 @@ pub(crate) fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), Mode
     unique(ctx, "joint", joints)?;
     unique(ctx, "geom", geoms)?;
     unique(ctx, "site", sites)?;
+    // Actuators do not keep their place in the file.
     unique(ctx, "actuator", spec.actuators.iter_mut().map(|a| (&mut a.name, At::default())).collect())?;
     unique(ctx, "keyframe", spec.keys.iter_mut().map(|k| (&mut k.name, k.at)).collect())
 }

@@ -99,6 +99,7 @@ impl Compiler {
         a.set_nonnegative(ctx, "boundmass", &mut self.bound_mass)?;
         a.set_nonnegative(ctx, "boundinertia", &mut self.bound_inertia)?;
         if let Some(mass) = a.number(ctx, "settotalmass")? {
+            // Zero and less leave the masses as they are.
             self.total_mass = (mass > 0.0).then_some(mass);
         }
         if a.word(ctx, "coordinate", &["local", "global"])? == Some(1) {
@@ -191,6 +192,7 @@ pub(crate) fn read_option(
         }
     }
     let solvers = ["Newton", "CG", "PGS"];
+    // 0 is Newton's method, which is used here.
     if let Some(solver) = a.word(ctx, "solver", &solvers)?.filter(|&s| s > 0) {
         let at = a.at("solver");
         ctx.drop_quietly(
@@ -203,6 +205,7 @@ pub(crate) fn read_option(
         a.refuse_nonzero(ctx, name, "fluid forces are not simulated", "remove it")?;
     }
     a.refuse_nonzero(ctx, "noslip_iterations", "the no-slip pass is not implemented", "remove it")?;
+    // An empty list disables nothing.
     if a.text("actuatorgroupdisable").is_some_and(|t| !t.trim().is_empty()) {
         let at = a.at("actuatorgroupdisable");
         ctx.refuse(at, "`actuatorgroupdisable`", "all actuators are used", "remove those actuators")?;

@@ -20,6 +20,7 @@ pub(crate) struct AngleUnits {
 
 impl Default for AngleUnits {
     fn default() -> Self {
+        // MuJoCo's defaults.
         Self { degree: true, eulerseq: *b"xyz" }
     }
 }
@@ -102,6 +103,7 @@ pub(crate) fn read_orientation(
 /// about the fixed ones.
 pub(crate) fn euler(angles: Vec3, sequence: [u8; 3]) -> Quat {
     let mut q = IDENTITY;
+    // The turns follow each other in the order of the letters.
     for (angle, letter) in angles.into_iter().zip(sequence) {
         let axis = match letter.to_ascii_lowercase() {
             b'x' => [1.0, 0.0, 0.0],

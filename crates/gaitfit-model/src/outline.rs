@@ -65,6 +65,7 @@ impl MeshFile {
     pub fn read(&self) -> Result<Mesh, MeshError> {
         let mut mesh = mesh::read(&self.file)?;
         for point in mesh.triangles.iter_mut().flatten() {
+            // From the file's frame to the mesh's own, and there to metres.
             let local = rotate_back(self.frame.1, sub(*point, self.frame.0));
             *point = std::array::from_fn(|k| local[k] * self.scale[k]);
         }
@@ -130,6 +131,7 @@ impl Meshes {
         compiler: &Compiler,
         defaults: &Defaults,
     ) -> Result<(), ModelError> {
+        // A text has no folder to look in, and only a mending reading has a use for meshes.
         let Some(folder) = ctx.sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
         for element in asset.children.iter().filter(|child| child.name == "mesh") {
             let mut a = Attributes::new(element);
@@ -166,11 +168,14 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
             None => (None, path),
         },
         Some(("file", path)) => (None, path),
+        // Any other text is a path.
         _ => (None, filename),
     };
+    // Files from Windows have backslashes.
     let base = rest.rsplit(['/', '\\']).next().unwrap_or(rest);
     let mut places = vec![folder.join(rest), folder.join(mesh_folder).join(base)];
     if let Some(package) = package {
+        // A relative folder has no ancestors above the one that the program runs in.
         let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_path_buf());
         for above in absolute.ancestors().take(MAX_FOLDERS) {
             // The package is a folder of that name, or a folder above under another name.
@@ -178,6 +183,7 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
             places.push(above.join(rest));
         }
     }
+    // Where no place has the file, the error names the place that the robot file states.
     let present = places.iter().find(|path| path.is_file()).cloned();
     present.unwrap_or_else(|| places.swap_remove(0))
 }

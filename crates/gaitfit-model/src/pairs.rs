@@ -53,6 +53,7 @@ pub(crate) fn read_contact(
                     *end = number.ok_or_else(|| unknown(ctx, child, "body", wanted))?;
                 }
                 a.finish(ctx)?;
+                // In ascending order, as contacts ask for them.
                 excludes.push((ends[0].min(ends[1]), ends[0].max(ends[1])));
             }
             "pair" => {
@@ -65,6 +66,7 @@ pub(crate) fn read_contact(
                 let mut geoms = [0; 2];
                 for (geom, name) in geoms.iter_mut().zip(["geom1", "geom2"]) {
                     let wanted = a.text(name).unwrap_or("");
+                    // Geoms are numbered over all bodies of the file, those of the world first.
                     let mut all = bodies.iter().flat_map(|b| &b.geoms);
                     let number = all.position(|g| !g.name.is_empty() && g.name == wanted);
                     *geom = number.ok_or_else(|| unknown(ctx, child, "geom", wanted))?;

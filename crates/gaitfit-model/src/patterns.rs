@@ -50,6 +50,7 @@ fn suggestion(nearest: &[String]) -> String {
 
 /// A joint's name without the `_joint` that robot files like to add and logs leave out.
 pub fn plain(joint: &str) -> &str {
+    // A joint may be called `_joint` and nothing else.
     joint.strip_suffix("_joint").filter(|name| !name.is_empty()).unwrap_or(joint)
 }
 
@@ -83,6 +84,7 @@ impl Pattern {
 
     /// Whether it matches the joint.
     pub fn covers(&self, joint: &str) -> bool {
+        // The pattern may end in `_joint` where the joint does not, or the other way round.
         self.whole.is_match(joint) || self.plain.is_match(plain(joint))
     }
 
@@ -124,6 +126,7 @@ pub fn covered<P: AsRef<str>, S: AsRef<str>>(
     joints: &[S],
 ) -> Result<Vec<usize>, PatternError> {
     let patterns = compile(patterns)?;
+    // Each pattern must cover something: a typing error must not shorten a list in silence.
     for pattern in &patterns {
         if !joints.iter().any(|joint| pattern.covers(joint.as_ref())) {
             return Err(pattern.unmatched(robot, joints));
@@ -152,6 +155,7 @@ pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
             let name = pattern.names(joint.as_ref());
             if name || pattern.covers(joint.as_ref()) {
                 matches = true;
+                // A plain name always sets the value; a pattern does not replace one that a name has set.
                 if name || !*named {
                     *slot = Some(value.clone());
                 }

@@ -26,6 +26,7 @@ pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), 
     let wrong = |error: png::DecodingError| format!("not a PNG picture that can be read: {error}");
     let mut reader = decoder.read_info().map_err(wrong)?;
     let (columns, rows) = (reader.info().width as usize, reader.info().height as usize);
+    // Asked before memory is taken for the points.
     if rows.saturating_mul(columns) > max {
         return Err(format!("it has {columns} × {rows} points; at most {max} may be"));
     }
@@ -37,6 +38,7 @@ pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), 
     }
     let (channels, line) = (info.color_type.samples(), info.line_size);
     let lines = bytes.chunks(line.max(1)).take(rows).collect::<Vec<_>>();
+    // MuJoCo's first row is the lowest line of the picture.
     let values = lines.iter().rev().flat_map(|line| line.chunks_exact(channels).take(columns));
     let data: Vec<f32> = values.filter_map(|point| point.first()).map(|&grey| f32::from(grey)).collect();
     if data.len() != rows * columns {

@@ -53,7 +53,9 @@ pub(crate) fn outlines(path: &Path) -> Result<Vec<(String, Vec<Outline>)>, Model
     // Pictures need no masses, and weighing would read each mesh once more.
     let mut ctx = Context { weighs_meshes: false, ..context(&sources, &options) };
     let (mut spec, _) = content(&mut ctx, &document, None)?;
+    // Unnamed bodies get the names that they have in the model: looks find their body by its name.
     name_everything(&ctx, &mut spec)?;
+    // The first body is the world.
     let bodies = spec.bodies.into_iter().skip(1);
     Ok(bodies.map(|body| (body.name.clone(), of_body(&body).collect())).collect())
 }

@@ -85,6 +85,7 @@ pub fn sub<T: Scalar>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
 /// Unit vector along `v`; `None` when `v` is (nearly) zero.
 pub fn unit(v: Vec3) -> Option<Vec3> {
     let norm = dot(v, v).sqrt();
+    // NaN fails the first comparison.
     (norm >= TINY && norm.is_finite()).then(|| v.map(|x| x / norm))
 }
 
@@ -143,6 +144,7 @@ pub fn rotate<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
 /// `v` turned back by the unit quaternion `q`: of a body's orientation, a world vector in the body frame.
 #[inline]
 pub fn rotate_back<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
+    // Products with the axes are those with the transposed matrix, which turns back.
     axes(q).map(|axis| dot(axis, v))
 }
 
@@ -247,6 +249,7 @@ pub fn from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat {
 /// the body's left axis, which stays level on four legs and on two.
 pub fn heading<T: Scalar>(q: Quat<T>) -> T {
     let left = axes(q)[1];
+    // The left axis, turned back by a quarter turn, points forward.
     (-left[0]).atan2(left[1])
 }
 

@@ -98,6 +98,7 @@ impl Scan<'_> {
     /// The name that comes next; empty where none does.
     fn name(&mut self) -> Result<&[u8], Excess> {
         let start = self.at;
+        // Only what ends a name for the parser ends it here, so no name is shorter here than there.
         self.skip(|byte| {
             !matches!(byte, b' ' | b'\t' | b'\r' | b'\n' | b'=' | b'>' | b'/' | b'<' | b'"' | b'\'')
         });
@@ -128,6 +129,7 @@ impl Scan<'_> {
                 self.depth += 1;
                 return Ok(true);
             }
+            // Asked after the tag's end, so that the largest number itself is allowed.
             if count == MAX_ATTRIBUTES {
                 let message = format!("a tag with more than {MAX_ATTRIBUTES} attributes");
                 return excess(start, message, "keep the attributes that the format knows");
@@ -136,6 +138,7 @@ impl Scan<'_> {
                 return Ok(false);
             }
         }
+        // Never reached: the loop ends by returning.
         Ok(false)
     }
 
@@ -143,6 +146,7 @@ impl Scan<'_> {
     fn attribute(&mut self) -> Result<bool, Excess> {
         let start = self.at;
         let name = self.name()?;
+        // A prefix may follow, but `xmlnsx` is an attribute like any other.
         let declares = name.starts_with(b"xmlns") && matches!(name.get(5), None | Some(b':'));
         if name.is_empty() {
             return Ok(false);

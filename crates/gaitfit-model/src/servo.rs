@@ -18,6 +18,7 @@ pub(crate) fn resolve_damping_ratios(model: &mut Model) {
         return;
     }
     let factor = factored_mass_matrix(model);
+    // The joints' degrees of freedom come behind those of a floating base.
     let first_joint = model.nv() - model.joints.len();
     for actuator in &mut model.actuators {
         if is_ratio(actuator.gain, actuator.bias) {
@@ -61,6 +62,7 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
     let dofs = degrees_of_freedom(model, &frames);
     let count = dofs.len();
     let mut m = vec![0.0; count * count];
+    // Each body adds to the degrees of freedom that carry it.
     for (index, body) in model.bodies.iter().enumerate() {
         let frame = &frames[index];
         let centre = frame.point(body.ipos);

@@ -34,6 +34,7 @@ pub fn shown_number(value: f64) -> String {
 /// 0.0001 and from 1,000,000 on have an exponent.
 pub fn significant(value: f64, digits: usize) -> String {
     let rounded: f64 = format!("{value:.*e}", digits.saturating_sub(1)).parse().unwrap_or(value);
+    // The rounded value decides, because rounding may carry it over a limit.
     let size = rounded.abs();
     if size == 0.0 {
         "0".to_owned()
@@ -89,6 +90,7 @@ pub fn argument(path: &Path) -> String {
         return text.into_owned();
     }
     if text.chars().any(commands) {
+        // The path's own backslashes come first: `escaped` adds others for control characters.
         let inner = text.replace('\\', "\\\\").replace('\'', "\\'");
         return format!("$'{}'", escaped(&inner, MAX_PATH_CHARS));
     }

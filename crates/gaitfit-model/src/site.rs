@@ -43,6 +43,7 @@ impl SiteForm {
     pub fn finish(&self, ctx: &Context, element: &Element, frame: (Vec3, Quat)) -> Result<Site, ModelError> {
         let mut pose = (self.pos, self.quat);
         if let Some([x0, y0, z0, x1, y1, z1]) = self.fromto {
+            // As for a geom, z points from the second point to the first.
             let direction = unit([x0 - x1, y0 - y1, z0 - z1]).ok_or_else(|| {
                 ctx.invalid(
                     element.at,

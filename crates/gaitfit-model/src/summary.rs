@@ -166,6 +166,7 @@ impl Model {
             sum = sum.zip(bound).map(|(total, b): (f64, f64)| total + actuator.gear.abs() * b);
         }
         let driven = self.actuators.iter().any(|a| a.joint == index);
+        // A joint without actuators has a sum of 0, which is no bound.
         match (clamp, sum.filter(|_| driven)) {
             (Some(a), Some(b)) => Some(a.min(b)),
             (a, b) => a.or(b),
@@ -255,6 +256,7 @@ impl Model {
 fn kind(actuator: &crate::model::Actuator) -> &'static str {
     match actuator.bias {
         [0.0, 0.0, 0.0] => "motor",
+        // The force is gain · (control − position), less some damping.
         [0.0, stiffness, _] if stiffness == -actuator.gain => "position",
         [0.0, 0.0, damping] if damping == -actuator.gain => "velocity",
         _ => "affine",

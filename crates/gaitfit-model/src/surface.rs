@@ -92,6 +92,7 @@ impl Surface {
             let axes = [axis(0), axis(1), axis(2)];
             match &obstacle.shape {
                 ObstacleShape::Box { half_size } => {
+                    // How far a box that is turned reaches below its middle.
                     let reach: f64 = (0..3).map(|k| half_size[k] * axes[k][2].abs()).sum();
                     surface.lowest = surface.lowest.min(obstacle.pos[2] - reach);
                     surface.blocks.push(SurfaceBlock { position: obstacle.pos, axes, half: *half_size });

@@ -74,6 +74,7 @@ const LEVEL: f32 = 1e-14;
 impl HeightField {
     /// Distances of neighbouring vertices along x and y, m.
     pub fn steps(&self) -> [f64; 2] {
+        // A single vertex has no neighbour; the divisor stays above 0.
         let step = |half: f64, vertices: usize| 2.0 * half / (vertices.max(2) - 1) as f64;
         [step(self.half_size[0], self.columns), step(self.half_size[1], self.rows)]
     }
@@ -146,6 +147,7 @@ fn read_field(
         }
         let given = a.numbers(ctx, "elevation")?;
         let data = match given {
+            // Without heights the field is level, as in MuJoCo.
             None => vec![0.0; rows * columns],
             Some(given) if given.len() == rows * columns => flipped(&given, columns),
             Some(given) => {
@@ -168,6 +170,7 @@ fn read_field(
     if rows < 3 || columns < 3 {
         return Ok(Err(format!("it has {rows} × {columns} vertices; give at least 3 × 3")));
     }
+    // A number of the text may overflow single precision.
     if !data.iter().all(|height| height.is_finite()) {
         return Ok(Err("its heights are too large".to_string()));
     }
@@ -184,6 +187,7 @@ fn flipped(given: &[f64], columns: usize) -> Vec<f32> {
 fn scaled(data: &[f32], height: f64) -> Vec<f64> {
     let low = data.iter().copied().fold(f32::INFINITY, f32::min);
     let range = data.iter().copied().fold(f32::NEG_INFINITY, f32::max) - low;
+    // A level field would be divided by 0.
     let unit = |z: f32| if range > LEVEL { (z - low) / range } else { z - low };
     data.iter().map(|&z| f64::from(unit(z)) * height).collect()
 }
@@ -207,6 +211,7 @@ fn read_file(ctx: &Context, file: &str, compiler: &Compiler) -> Result<(usize, u
     let bytes = std::fs::read(&path).map_err(|error| format!("{shown}: {error}"))?;
     let words: Vec<[u8; 4]> =
         bytes.chunks_exact(4).map(|word| [word[0], word[1], word[2], word[3]]).collect();
+    // A negative count becomes 0, and a field without vertices is refused later.
     let count = |word: &[u8; 4]| usize::try_from(i32::from_le_bytes(*word)).unwrap_or(0);
     let wrong = || format!("{shown}: not MuJoCo's format: rows, columns, then a float for each vertex");
     let [rows, columns, data @ ..] = &words[..] else { return Err(wrong()) };

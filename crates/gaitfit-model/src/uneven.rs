@@ -4,6 +4,7 @@ use crate::model::{ContactPair, Geom, Model, Shape};
 use crate::rotation::{IDENTITY, Quat, Vec3, add, product, rotate};
 use crate::terrain::{Ground, HeightField, Obstacle, ObstacleShape};
 
+// A ball in a corner leaves 0.7 of its radius of the corner out: at most 15 mm.
 /// Largest radius of a ball that stands for a corner, m.
 const CORNER: f64 = 0.02;
 /// A quarter turn that takes z to x, and one that takes z to y.
@@ -22,6 +23,7 @@ impl Model {
         let [x, y] = field.steps();
         // Half of the narrower side of a cell.
         let max = 0.5 * x.min(y);
+        // Pairs with boxes and other fields stay as they are.
         model.pairs.retain(|pair| !matches!(pair.ground, Ground::Plane(_)));
         let mut met = vec![false; self.geoms.len()];
         for pair in &self.pairs {
@@ -34,6 +36,7 @@ impl Model {
                 None => model.pairs.push(ContactPair { ground, ..pair.clone() }),
                 Some(parts) => {
                     for Part { shape, position, quaternion } in parts {
+                        // The pair names the geom that is pushed next.
                         model.pairs.push(ContactPair { geom: model.geoms.len(), ground, ..pair.clone() });
                         model.geoms.push(Geom {
                             name: geom.name.clone(),
@@ -75,6 +78,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
     Some(match shape {
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } if radius <= max => return None,
         Shape::Sphere { radius } => {
+            // The small balls touch the large one from inside, where its axes end.
             let far = radius - small;
             let tip = |axis: usize, sign: f64| {
                 let mut position = [0.0; 3];
@@ -108,6 +112,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
             order.sort_by(|&a, &b| half_size[a].total_cmp(&half_size[b]));
             let [thin, middle, long] = order;
             let radius = half_size[thin];
+            // Narrow enough for a single capsule along the longest side.
             if half_size[middle] <= max {
                 let quaternion = [TO_X, TO_Y, IDENTITY][long];
                 let half_length = half_size[long] - radius;

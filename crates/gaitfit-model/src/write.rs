@@ -36,6 +36,7 @@ impl Model {
             text.push_str("-->\n");
         }
         let _ = writeln!(text, "<mujoco model={}>", quoted(&self.name));
+        // Bodies state their masses, and geoms must not add to them.
         text.push_str("  <compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n");
         self.write_options(&mut text);
         text.push_str("  <worldbody>\n");
@@ -130,6 +131,7 @@ impl Model {
             let _ = writeln!(text, "{}</body>", "  ".repeat(depth + 2));
         };
         for (index, body) in self.bodies.iter().enumerate() {
+            // Bodies that do not carry this one end here.
             while open.last().copied() != body.parent {
                 if open.pop().is_none() {
                     break;
@@ -276,6 +278,7 @@ fn moving(joint: &Joint) -> String {
     if let Some(range) = joint.actuatorfrcrange {
         attribute(&mut line, "actuatorfrcrange", &range);
     }
+    // Only what differs from MuJoCo's defaults is written.
     for (name, values) in [("solreflimit", joint.solref_limit), ("solreffriction", joint.solref_friction)] {
         if values != SOLREF {
             attribute(&mut line, name, &values);
@@ -313,6 +316,7 @@ fn pose(line: &mut String, pos: [f64; 3], quat: [f64; 4]) {
 }
 
 fn attribute(line: &mut String, name: &str, values: &[f64]) {
+    // `to_string` writes the fewest digits that read as the same number again.
     let words: Vec<String> = values.iter().map(|value| value.to_string()).collect();
     let _ = write!(line, " {name}=\"{}\"", words.join(" "));
 }

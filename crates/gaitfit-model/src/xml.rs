@@ -90,6 +90,7 @@ impl Sources {
             return Place { file: String::new(), line: 1, column: 1 };
         };
         let byte = at.byte as usize;
+        // Lines begin at ascending bytes, so a binary search finds the line.
         let line = source.lines.partition_point(|start| *start <= byte);
         let start = source.lines.get(line.saturating_sub(1)).copied().unwrap_or(0);
         let before = source.text.get(start..byte).unwrap_or("");
@@ -109,6 +110,7 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
     let mut loader =
         Loader { sources, base: Some(folder), seen: HashSet::new(), bytes: 0, nodes: 0, models: 0 };
     let text = loader.read(path)?;
+    // No include may name the main file.
     loader.seen.insert(canonical(path));
     loader.parse(path.display().to_string(), text, 1)
 }
@@ -203,6 +205,7 @@ impl Loader<'_> {
                 remedy: "correct the XML at this place".into(),
             }
         })?;
+        // xacro is well-formed XML, so the parser has nothing against it.
         if let Some(byte) = xacro(&document) {
             let place = self.sources.place(At { file, byte: byte as u32 });
             let remedy = xacro_remedy(&place.file);

@@ -70,6 +70,7 @@ impl Batch {
         if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
             return refuse("substeps", options.substeps.to_string(), "from 1 to 1000");
         }
+        // Written with `!`, so that NaN is refused too.
         if !(options.control_dt > 0.0 && options.control_dt <= MAX_SECONDS) {
             return refuse("control_dt", options.control_dt.to_string(), "above 0 and at most 1 s");
         }
@@ -94,11 +95,13 @@ impl Batch {
         let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
         let mut tracked = Vec::with_capacity(options.tracked.len());
         for name in &options.tracked {
+            // A geom that meets several grounds has its place in the first of its pairs.
             match geoms.iter().position(|&geom| model.geoms[geom].name == *name) {
                 Some(pair) => tracked.push(pair),
                 None => return refuse("a tracked geom", name.clone(), "a geom that may touch the ground"),
             }
         }
+        // With an emulated step a drive reaches half a period further back.
         let taps = delay_taps(options.max_delay, options.control_dt, settings.emulated_step.is_some());
         Ok(Self { model: model.clone(), tree, isa, options, taps, tracked, geoms })
     }

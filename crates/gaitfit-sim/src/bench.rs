@@ -124,6 +124,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     let (height, pose) = standing(model)?;
     let settings = Settings { timestep: TIMESTEP, ..Settings::new(&model.options, bench.preset) };
     let tree = compile::<T>(model, &settings)?;
+    // A block has one robot a lane.
     let blocks = bench.environments.div_ceil(T::LANES).max(1);
     let mut batches = Vec::with_capacity(blocks);
     for block in 0..blocks {
@@ -151,6 +152,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
             tree: &tree,
             params: &batch.params,
             targets: &mut scratch.targets,
+            // Neither disturbances nor modifications: the plain step is measured.
             disturbance: &[],
             modifications: &[],
             memory: &mut [],
@@ -165,6 +167,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     let mut times = Vec::with_capacity(bench.repetitions);
     const WARM_UP: usize = 3;
     for repetition in 0..bench.repetitions + WARM_UP {
+        // Targets are made before the clock starts.
         let sent: Vec<Vec<T>> = (0..PERIODS).map(|k| targets(repetition * PERIODS + k)).collect();
         let start = Instant::now();
         pool::for_each(blocks, bench.threads, scratch, |scratch, index| {
@@ -173,6 +176,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
                 period(scratch, &mut batch, targets);
             }
         });
+        // A first repetition is slower: it touches its memory for the first time.
         if repetition >= WARM_UP {
             times.push(start.elapsed().as_secs_f64());
         }
@@ -213,6 +217,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
 /// # Errors
 /// A robot without one, or without joints in threes.
 pub fn standing(model: &Model) -> Result<(f64, Vec<f64>), SimError> {
+    // A free base has seven numbers: a position and a quaternion.
     let floats = model.nq() == 7 + model.joints.len() && model.joints.len().is_multiple_of(3);
     match model.keyframes.first().filter(|_| floats) {
         Some(key) => Ok((key.qpos[2], key.qpos[7..].to_vec())),

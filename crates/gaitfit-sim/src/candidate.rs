@@ -56,6 +56,7 @@ impl JointNetworks {
             if joint >= model.joints.len() {
                 return refuse(format!("joint {joint}"), "of joints of the robot");
             }
+            // `chunks_exact` gives exactly so many, so no index is missing.
             let weights = std::array::from_fn(|index| weights[index]);
             networks.push(JointNetwork::new::<T>(joint, &weights, self.scales, *rest));
         }
@@ -77,6 +78,7 @@ pub fn modifications<T: Real>(
     parts: Parts,
 ) -> Result<Vec<JointModification<T::K>>, SimError> {
     let others = parts.modifications(model.joints.len()).into_iter().map(Ok);
+    // All memory behind the first sensor counts as memory of sensors, so the networks come first.
     networks.iter().map(|one| one.compile::<T>(model)).chain(others).collect()
 }
 
@@ -107,6 +109,7 @@ impl Candidate {
     /// The robot with the given gains (one a model joint), and the candidate's factors on them multiplied in.
     pub fn robot(&self, kp: &[f64], kd: &[f64]) -> Robot {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
+        // The factors are in the products now and must not act twice.
         let ones = vec![1.0; kp.len()];
         Robot {
             kp: product(&self.robot.kp_scale, kp),

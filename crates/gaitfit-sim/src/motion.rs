@@ -72,6 +72,7 @@ impl Motion {
         };
         let reading = &readings[IMU_READING * index..];
         let mean: [f32; 4] = quat_of(reading);
+        // A mean of unit quaternions is a little shorter than 1.
         let length = mean.iter().map(|x| x * x).sum::<f32>().sqrt();
         (mean.map(|x| x / length), vec_of(&reading[4..]))
     }

@@ -99,6 +99,7 @@ impl Replay {
             return Err(SimError::Option { option: "max_delay", value, must: "from 0 to 1 s" });
         }
         let isa = options.isa.map_or_else(selected, Isa::checked)?;
+        // Without a recording there is no period to compile the robot for.
         let first = recordings.first().ok_or(SimError::Recording {
             index: 0,
             what: "there are no recordings; give at least one log".to_owned(),
@@ -117,6 +118,7 @@ impl Replay {
             ..Settings::new(&model.options, options.preset)
         };
         let tree = compile::<f32>(model, &settings)?;
+        // Centred drives reach half a period further back.
         let taps = delay_taps(options.max_delay, dt, true);
         Ok(Self { model: model.clone(), recordings, options, tree, isa, taps })
     }
@@ -154,11 +156,13 @@ impl Replay {
     /// Physics steps that one candidate costs.
     pub fn steps_per_candidate(&self) -> usize {
         let joints = self.model.joints.len();
+        // A recording of n samples has n − 1 periods.
         self.recordings.iter().map(|r| (r.target.len() / joints - 1) * self.options.substeps).sum()
     }
 }
 
 fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
+    // The divisor is kept from 0; the next line refuses a robot without joints.
     let samples = recording.target.len() / joints.max(1);
     if joints == 0 || !recording.target.len().is_multiple_of(joints) {
         return Err(format!("{} target values are not rows of {joints} joints", recording.target.len()));

@@ -67,8 +67,10 @@ impl Imu {
     /// Orientation and angular velocity (rad/s, body frame) of the base of which the unit reads these: the inverse of
     /// [`Imu::attitude`] and [`Imu::rates`].
     pub fn base(&self, attitude: [f32; 4], rates: [f32; 3]) -> ([f32; 4], [f32; 3]) {
+        // The bias is in the axes of the unit, so it is taken away before the turn.
         let unbiased = sub(rates, self.bias);
         let [x, y, z] = self.axes;
+        // The axes are the columns of R, so this is R times the rates.
         let rates = std::array::from_fn(|k| x[k] * unbiased[0] + y[k] * unbiased[1] + z[k] * unbiased[2]);
         (product(attitude, inverse(self.turn)), rates)
     }

@@ -61,6 +61,7 @@ impl Estimate {
     /// Estimate from many values, with 1.96 standard errors of the mean (normal approximation); `None`
     /// without values.
     pub fn from_values(values: &[f64]) -> Option<Self> {
+        // n − 1 for the variance of the values, n for that of their mean.
         let error = || (squares(values) / (values.len() as f64 - 1.0) / values.len() as f64).sqrt();
         Some(Self { mean: mean(values)?, ci95: (values.len() > 1).then(|| Z * error()) })
     }

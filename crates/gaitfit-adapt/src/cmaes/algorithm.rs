@@ -143,8 +143,10 @@ impl Cma {
         }
         let ranking = rank(costs);
         self.remember(population, costs, &ranking);
+        // A generation of failures alone counts too: the draws depend on its number, so the next one differs.
         self.state.generation += 1;
         if costs.iter().any(|cost| cost.is_finite()) {
+            // The update works in place. It is dropped whole if any number leaves the finite range.
             let before = self.state.clone();
             if !self.update(&population.scaled, &ranking) {
                 self.state = State { numerical_failure: true, ..before };
@@ -158,6 +160,7 @@ impl Cma {
         let (first, last) = (ranking[0], ranking[ranking.len() - 1]);
         // A failed candidate keeps `tolfun` from stopping the run, and the state stays free of infinities.
         let finite = |cost: f64| if cost.is_finite() { cost } else { f64::MAX };
+        // The package `cmaes` raises its generation before it writes the ring, hence the 1.
         let slot = (state.generation as usize + 1) % state.history.len();
         state.history[slot] = [finite(costs[first]), finite(costs[last])];
         let improved = state.best.as_ref().is_none_or(|best| costs[first] < best.cost);
@@ -201,6 +204,7 @@ impl Cma {
         state.sigma = (state.sigma * (c_sigma / d_sigma * (norm / chi_n - 1.0)).exp()).min(SIGMA_MAX);
 
         // Covariance matrix adaptation. h_σ stalls the rank-one path while σ grows fast (page 28).
+        // p_σ begins at 0, so in the first generations its length is too short by this factor.
         let decay = (1.0 - (1.0 - c_sigma).powf(2.0 * (f64::from(state.generation) + 1.0))).sqrt();
         let h_sigma = if norm / decay < (1.4 + 2.0 / (n as f64 + 1.0)) * chi_n { 1.0 } else { 0.0 };
         let gain = h_sigma * (cc * (2.0 - cc) * mu_eff).sqrt();
@@ -226,6 +230,7 @@ impl Cma {
         // Decomposing takes O(n³), so it is done only in some generations; in between the axes are slightly old.
         let due = state.generation.is_multiple_of(*decompose_every);
         let decomposed = !due || state.covariance.decompose();
+        // NaN fails the comparison too.
         let finite = |vector: &[f64]| vector.iter().all(|value| value.abs() < MEAN_MAX);
         let scalar = state.sigma.is_finite() && state.sigma > 0.0;
         decomposed && scalar && finite(&state.mean) && finite(&state.p_sigma) && finite(&state.p_c)
@@ -295,9 +300,11 @@ fn reflect(x: f64, lower: f64, upper: f64) -> f64 {
     }
     match (lower.is_finite(), upper.is_finite()) {
         (true, true) => {
+            // Mirrored coordinates repeat after two widths: one upwards, one downwards.
             let offset = (x - lower).rem_euclid(2.0 * width);
             lower + if offset > width { 2.0 * width - offset } else { offset }
         }
+        // With a single bound one mirroring is enough.
         (true, false) => lower + (lower - x),
         _ => upper - (x - upper),
     }

@@ -25,6 +25,7 @@ impl Begun {
         Self {
             start: of_numbers(&settings.start),
             deviation: of_numbers(&settings.deviation),
+            // Both lists have one entry a coordinate, so one sum of the two together is unambiguous.
             bounds: of_numbers(&[settings.lower.as_slice(), &settings.upper].concat()),
             bound_handling: settings.bound_handling,
             max_resampling: settings.max_resampling,

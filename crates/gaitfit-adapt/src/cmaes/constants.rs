@@ -4,6 +4,7 @@ use super::CovarianceKind;
 
 /// Default population 4 + ⌊3 ln n⌋ (eq. 48).
 pub fn default_population(n: usize) -> usize {
+    // ln 0 is not finite. `Settings::check` refuses a problem without coordinates later.
     4 + (3.0 * (n.max(1) as f64).ln()).floor() as usize
 }
 
@@ -61,6 +62,7 @@ impl Constants {
         let min_alpha = (1.0 + c1 / cmu) // eq. 50
             .min(1.0 + 2.0 * mu_eff_minus / (mu_eff + 2.0)) // eq. 51
             .min((1.0 - c1 - cmu) / (n * cmu)); // eq. 52
+        // With an odd population the middle weight is 0 and belongs to neither sum.
         let positive: f64 = raw.iter().filter(|weight| **weight > 0.0).sum();
         let negative: f64 = raw.iter().filter(|weight| **weight < 0.0).map(|weight| -weight).sum();
         // eq. 53
@@ -111,6 +113,7 @@ impl Constants {
             c_sigma,
             d_sigma: damping(n, mu_eff, c_sigma),
             chi_n: chi(n),
+            // The decomposition of a diagonal is a root for each coordinate, so it is made every time.
             decompose_every: 1,
         }
     }
@@ -124,6 +127,7 @@ fn effective(weights: &[f64]) -> f64 {
 
 /// d_σ (eq. 55).
 fn damping(n: f64, mu_eff: f64, c_sigma: f64) -> f64 {
+    // The middle term is 0 unless μ_eff exceeds n + 2: only large populations need more damping.
     1.0 + 2.0 * (((mu_eff - 1.0) / (n + 1.0)).sqrt() - 1.0).max(0.0) + c_sigma
 }
 

@@ -134,6 +134,7 @@ impl Covariance {
             Self::Full { c, b, d } => decompose(c, b, d),
             Self::Separable { c, d } => {
                 d.iter_mut().zip(&*c).for_each(|(d, c)| *d = positive(*c).sqrt());
+                // An overflow of the update shows here.
                 c.iter().chain(&*d).all(|value| value.is_finite())
             }
         }
@@ -161,6 +162,7 @@ fn positive(eigenvalue: f64) -> f64 {
 fn rotate(b: &[f64], d: &[f64], v: &[f64], f: impl Fn(f64) -> f64) -> Vec<f64> {
     let n = d.len();
     let mut inner = vec![0.0; n];
+    // B is stored row by row, so Bᵀ v is summed in rows of B, without jumps in memory.
     for (row, value) in b.chunks_exact(n).zip(v) {
         for (sum, entry) in inner.iter_mut().zip(row) {
             *sum += entry * value;
@@ -195,6 +197,7 @@ fn decompose(c: &mut [f64], b: &mut [f64], d: &mut [f64]) -> bool {
     // C is computed again from the repaired eigenvalues, so that it and its root belong together.
     for i in 0..n {
         for j in 0..=i {
+            // d², not the eigenvalue: C must be the square of the very root that draws use.
             let value: f64 = (0..n).map(|k| b[i * n + k] * (d[k] * d[k]) * b[j * n + k]).sum();
             c[i * n + j] = value;
             c[j * n + i] = value;

@@ -109,6 +109,7 @@ impl Search {
         // A state read from a file is checked in full: a damaged one would give other results without an error.
         let n = settings.start.len();
         for (number, run) in (0_u32..).zip(&finished) {
+            // A run in which every candidate failed has no best one, and nothing to check.
             let bests = run.best.as_ref().map(|best| best.x.len());
             if run.run != number
                 || run.mean.len() != n
@@ -122,6 +123,7 @@ impl Search {
         let run = if complete { ended.saturating_sub(1) } else { ended } as u32;
         let current = Cma::resume(run_settings(&settings, plan, run), state.current)?;
         let limit = settings.tolerances.max_generations.unwrap_or(u32::MAX);
+        // A run was cut if it ended at its limit of generations and the limit is higher now.
         let cut = |run: &RunSummary| run.stop == StopReason::MaxGenerations && run.generations < limit;
         if complete && finished.last().is_some_and(cut) {
             finished.pop();
@@ -187,6 +189,7 @@ impl Search {
     }
 
     fn conclude(&mut self, stop: StopReason) -> Result<&RunSummary, CmaError> {
+        // A summary is all that stays of an ended run; the next one takes the place of its state.
         self.finished.push(RunSummary {
             run: self.run(),
             seed: self.current.settings().seed,
@@ -201,6 +204,7 @@ impl Search {
         if !self.is_finished() {
             self.current = Cma::new(run_settings(&self.settings, self.plan, self.finished.len() as u32))?;
         }
+        // A summary was pushed above, so there is a last one.
         self.finished.last().ok_or(CmaError::Finished)
     }
 
@@ -227,6 +231,7 @@ impl Search {
     /// The best candidate of all runs; of equal ones the earliest.
     pub fn best(&self) -> Option<&Best> {
         let runs = self.finished.iter().filter_map(|run| run.best.as_ref());
+        // Once all runs have ended, `current` comes twice. Of equal costs the first counts, so that changes nothing.
         runs.chain(self.current.best())
             .reduce(|best, other| if other.cost < best.cost { other } else { best })
     }
@@ -234,6 +239,7 @@ impl Search {
     /// Generations told in all runs.
     pub fn generation(&self) -> u32 {
         let ended: u32 = self.finished.iter().map(|run| run.generations).sum();
+        // After the last run `current` is still that run, which is already among the finished ones.
         if self.is_finished() { ended } else { ended + self.current.generation() }
     }
 
@@ -273,6 +279,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
         return changed;
     }
     changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
+    // Saturating: the limit below cuts what is too large.
     let factor = (plan.population_factor as usize).saturating_pow(run);
     // A stated population above the limit stays as it is.
     changed.population =
@@ -281,6 +288,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
         let stream = Stream::new(changed.seed, Purpose::RESTART);
         for (i, start) in changed.start.iter_mut().enumerate() {
             let (lower, upper) = (settings.lower[i], settings.upper[i]);
+            // Rounding may carry the draw beyond the upper bound.
             *start = (lower + stream.uniform(i as u32) * (upper - lower)).clamp(lower, upper);
         }
     }

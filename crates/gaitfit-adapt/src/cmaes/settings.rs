@@ -124,6 +124,7 @@ impl Settings {
             let requirement = "finite and above 0";
             return Err(CmaError::Setting { what: "sigma", value: self.sigma, requirement });
         }
+        // With one candidate there is no parent: μ = ⌊λ/2⌋.
         if self.population < 2 {
             let value = self.population as f64;
             return Err(CmaError::Setting { what: "population", value, requirement: "at least 2" });

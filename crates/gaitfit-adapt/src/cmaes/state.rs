@@ -92,6 +92,7 @@ impl State {
         if self.best.as_ref().is_some_and(|best| best.x.len() != n || !best.cost.is_finite()) {
             return fail(format!("its best candidate does not have {n} coordinates and a finite cost"));
         }
+        // The numbers are whole. They must also be those of a run with these settings.
         self.begun.check(settings)
     }
 }

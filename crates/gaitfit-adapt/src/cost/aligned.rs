@@ -67,6 +67,7 @@ impl<'a> AlignedSums<'a> {
                     expected: format!("{samples} samples × {width}"),
                 });
             }
+            // A fall takes the same rows of every signal, so any signal may set the number.
             sums.lost = counted.lost;
             sums.differences.push(match self.norm {
                 Norm::Square => squared_differences(counted.matrix, measured, width),
@@ -98,6 +99,7 @@ fn sum_differences(a: &[f32], b: &[f64], width: usize, of: impl Fn(f64) -> f64) 
 impl Accumulator for AlignedSums<'_> {
     /// Every recording of the reference must be added once.
     fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
+        // After an error the accumulator must be empty, see the trait.
         self.compare(recording, simulated).inspect_err(|_| self.clear())
     }
 
@@ -111,6 +113,7 @@ impl Accumulator for AlignedSums<'_> {
         let lost: usize = self.recordings.iter().flatten().map(|sums| sums.lost).sum();
         let signals: Vec<Signal> = self.weights.signals().collect();
         let sum = |signal: Signal, column: usize| -> f64 {
+            // Only weighted signals are asked for, and each of them is in the list.
             let number = signals.iter().position(|of| *of == signal).unwrap_or_default();
             self.recordings.iter().flatten().map(|sums| sums.differences[number][column]).sum()
         };

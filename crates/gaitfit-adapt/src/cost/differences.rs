@@ -43,6 +43,7 @@ impl<'a> Differences<'a> {
     /// # Errors
     /// As [`Self::compute`].
     pub fn slopes(&self, recording: usize, slopes: Signals<'_>) -> Result<Vec<f32>, CostError> {
+        // A lost sample has a fixed difference, so its slope is 0.
         self.numbers(recording, slopes, |slope, _| slope, 0.0)
     }
 
@@ -83,6 +84,7 @@ impl<'a> Differences<'a> {
                     // A fall ends the simulated signal early: missing samples get the fixed difference.
                     numbers[column] = match counted.matrix.get(at) {
                         Some(&number) => (factor * of(f64::from(number), measured[at])) as f32,
+                        // `lost` is in scaled units already, so the scale does not enter.
                         None => (weight * lost) as f32,
                     };
                 }

@@ -41,6 +41,7 @@ impl CostKind {
         reference: &Arc<Reference>,
         simulator: &dyn Simulator,
     ) -> Result<Box<dyn Cost>, CostError> {
+        // The action counts only where both sides have it.
         let (reference, shared) = (Arc::clone(reference), Weights::shared(reference, simulator));
         Ok(match self {
             Self::Wass => Box::new(Wass::new(reference, shared)?),

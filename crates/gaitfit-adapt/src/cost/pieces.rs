@@ -69,6 +69,7 @@ pub(super) fn distances(
         let per_joint: Vec<Option<f64>> = dimensions
             .map(|(column, dimension)| dimension.scale.map(|scale| number(signal, column, scale)))
             .collect();
+        // `Weights::check` refuses a signal without a scaled dimension, so the count is not 0.
         let count = per_joint.iter().flatten().count();
         let value = per_joint.iter().flatten().sum::<f64>() / count as f64;
         GroupCost { signal, weight: weights.get(signal), value, per_joint }

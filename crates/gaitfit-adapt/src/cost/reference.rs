@@ -191,6 +191,7 @@ impl Reference {
         if let Some(position) = &mut self.signals[Signal::Position as usize] {
             for (name, dimension) in self.joints.iter().zip(&mut position.dimensions) {
                 if joints.contains(name) {
+                    // The range stays, so the joint is left out without counting as constant.
                     dimension.scale = None;
                 }
             }
@@ -202,6 +203,7 @@ impl Reference {
     /// differs by their most extreme samples.
     pub fn scaled_as(mut self, other: &Self) -> Self {
         for (own, other) in self.signals.iter_mut().zip(&other.signals) {
+            // A signal that only one of the two has keeps its own scaling.
             let (Some(own), Some(other)) = (own, other) else { continue };
             for (own, other) in own.dimensions.iter_mut().zip(&other.dimensions) {
                 own.scale = other.scale;
@@ -234,6 +236,7 @@ impl Reference {
 
     /// Number of recordings.
     pub fn recordings(&self) -> usize {
+        // Signal 0 is the position, which every recording has.
         self.signals[0].as_ref().map_or(0, |signal| signal.recordings.len())
     }
 
@@ -245,6 +248,7 @@ impl Reference {
     /// Samples of recording `recording`, pre-roll included; 0 if there is no such recording.
     pub fn samples(&self, recording: usize) -> usize {
         self.recording(Signal::Position, recording)
+            // The stored matrix lacks the pre-roll.
             .map_or(0, |matrix| matrix.len() / self.joints.len() + self.skip)
     }
 
@@ -313,6 +317,7 @@ impl Reference {
         // A candidate that falls counts only up to its fall; the rows behind it are reported as lost.
         let end = signals.fell_at.map_or(rows, |fall| fall.min(rows));
         let start = self.skip.min(rows);
+        // A fall before the end of the pre-roll leaves no row that counts.
         let counted = &matrix[start * width..end.max(start) * width];
         // One branch-free pass that vectorises, and a search only on failure.
         if counted.iter().fold(false, |bad, value| bad | !value.is_finite())
@@ -333,6 +338,7 @@ impl Reference {
         let subset = |signal: &ReferenceSignal| {
             let chosen: Vec<Vec<f64>> =
                 recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
+            // Range and scale stay those of all recordings; only the samples are fewer.
             let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
                 samples: Samples::new(&chosen, column, signal.dimensions.len()),
                 ..*dimension

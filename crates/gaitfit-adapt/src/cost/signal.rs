@@ -114,6 +114,7 @@ impl Weights {
 
     /// The signals with a positive weight, in the order costs sum them.
     pub fn signals(&self) -> impl Iterator<Item = Signal> + use<> {
+        // A copy lets the iterator live longer than the borrow of `self`.
         let weights = *self;
         Signal::ALL.into_iter().filter(move |signal| weights.get(*signal) > 0.0)
     }
@@ -129,6 +130,7 @@ impl Weights {
     /// [`CostError::Weights`], [`CostError::MissingSignal`], [`CostError::AllConstant`].
     pub fn check(&self, reference: &Reference) -> Result<(), CostError> {
         let all = Signal::ALL.map(|signal| self.get(signal));
+        // If all are 0, nothing is compared.
         if all.iter().any(|weight| !weight.is_finite() || *weight < 0.0)
             || all.iter().all(|weight| *weight == 0.0)
         {

@@ -49,6 +49,7 @@ impl TimeAligned {
         horizon: Option<NonZeroUsize>,
     ) -> Result<Self, CostError> {
         let name = CostKind::MatchS(horizon).to_string();
+        // The usual mistake gets an error of its own before the general check.
         let missing = weights.signals().find(|signal| signal.is_privileged() && !reference.has(*signal));
         if let Some(signal) = missing {
             return Err(CostError::Privileged { cost: name, signal });
@@ -64,6 +65,7 @@ impl TimeAligned {
         if constant(Signal::BaseVelocity) {
             weights.base_velocity = 0.0;
         }
+        // Only now: a base that is constant has just lost its weights.
         weights.check(&reference)?;
         // Never is no reset after the first: the simulated robot starts in the recording's state.
         let resets = Resets::State(horizon.map_or(usize::MAX, NonZeroUsize::get));

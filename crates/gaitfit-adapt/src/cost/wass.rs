@@ -85,6 +85,7 @@ impl Pools<'_> {
         for (signal, joints) in &mut self.pools {
             let width = joints.len();
             let counted = reference.checked(*signal, recording, &simulated)?;
+            // A fall takes the same samples of every signal, so they are counted once for all.
             lost = counted.lost;
             for (joint, pool) in joints.iter_mut().enumerate() {
                 pool.extend(counted.matrix.iter().skip(joint).step_by(width).map(|value| key(*value)));
@@ -96,7 +97,9 @@ impl Pools<'_> {
 
     fn distances(&mut self) -> Result<Breakdown, CostError> {
         let Self { cost, pools, lost, scratch } = self;
+        // All pools of a candidate have the same length.
         let kept = pools.first().and_then(|(_, joints)| joints.first()).map_or(0, Vec::len);
+        // Neither a sample nor a loss: no recording was added.
         if kept == 0 && *lost == 0 {
             return Err(CostError::Missing(0));
         }
@@ -106,6 +109,7 @@ impl Pools<'_> {
                 pools.iter_mut().find(|(of, _)| *of == signal).and_then(|(_, all)| all.get_mut(column));
             let dimension = reference.dimensions(signal).and_then(|all| all.get(column));
             let (Some(pool), Some(dimension)) = (pool, dimension) else { return f64::NAN };
+            // Sorted only now: a pool is complete when its last recording is there.
             sort_keys(pool, scratch);
             wasserstein1_keys(pool, dimension.sorted())
         }))

@@ -18,6 +18,7 @@ pub struct TargetSignal<'a> {
 /// differences of the predicted positions.
 pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     let TargetSignal { target, joints, dt } = signal;
+    // Without a whole sample there is nothing to predict.
     if joints == 0 || target.len() < joints {
         return Predicted::default();
     }
@@ -38,6 +39,7 @@ pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
     for sample in 0..samples {
         // At both ends the difference is one-sided.
         let (before, after) = (sample.saturating_sub(1), (sample + 1).min(samples - 1));
+        // With a single sample both ends are the same, and the difference is 0 whatever the span.
         let span = ((after - before).max(1) as f64 * dt) as f32;
         for joint in 0..joints {
             velocity.push((position[after * joints + joint] - position[before * joints + joint]) / span);
@@ -57,6 +59,7 @@ pub fn best_delay(longest: f64, step: f64, mut error: impl FnMut(f64) -> f64) ->
         }
     };
     for i in 0..=(longest / step).ceil() as usize {
+        // The last step of the grid may go beyond the longest delay.
         look((i as f64 * step).min(longest), &mut best);
     }
     let centre = best.1;

@@ -39,6 +39,7 @@ pub fn compare(
     first_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
     second_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
 ) -> Result<Vec<Agreement>, FitError> {
+    // Both fits are of one θ, so their parameters belong together by place.
     let pairs: Vec<(&ParameterOutcome, &ParameterOutcome)> =
         first.parameters.iter().zip(&second.parameters).collect();
     let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {
@@ -62,6 +63,7 @@ pub fn compare(
     let first_rise = first_cost(&swapped(first, second))?;
     let second_rise = second_cost(&swapped(second, first))?;
 
+    // Every parameter gets its row; those that disagree also get a reason.
     let mut agreements = Vec::with_capacity(pairs.len());
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {

@@ -56,7 +56,9 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         );
     }
     let generations = best.map_or(0, |run| run.generations);
+    // Reasons from here on follow from an early end.
     let settled = reasons.len();
+    // A network has thousands of weights. Without the limit no search over them would have enough generations.
     let few = outcome.parameters.len().min(MAX_SCANNED) * GENERATIONS_PER_ENTRY;
     let least = if ended.is_none() { MIN_GENERATIONS_IN_TIME } else { MIN_GENERATIONS };
     // Least squares needs few steps whatever the number of entries.
@@ -71,6 +73,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
             100.0 * fall
         ));
     }
+    // Many weights of networks can do the same work, so their values may differ.
     let scanned = outcome.parameters.len() <= MAX_SCANNED;
     let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
     let apart: Vec<String> = apart.collect();
@@ -80,6 +83,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     // Only a limit of time ends a run without a reason of its own.
     if ended.is_none() && best.is_some() && reasons.len() > settled {
+        // Before the reasons that it explains.
         reasons.insert(
             settled,
             "Its time limit ended it (max_seconds or optimizer.max_seconds): raise it.".into(),
@@ -90,8 +94,10 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
 
 /// A sentence if most seeds of least squares ended at other values than the best one.
 fn elsewhere(outcome: &CostOutcome) -> Option<String> {
+    // Runs of CMA-ES have no uncertainty, and a single seed has no other to agree with.
     outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
     let far = |one: &ParameterOutcome, value: f64| {
+        // Where the cost is flat, seeds may end anywhere.
         let flat = one.identification.as_ref().is_some_and(|identification| !identification.identified);
         !flat && (value - one.value).abs() > APART * (one.upper - one.lower)
     };
@@ -126,6 +132,7 @@ fn apart(one: &ParameterOutcome) -> bool {
 /// The part by which the cost fell over the last quarter of the generations.
 fn late_fall(course: &[f64]) -> Option<f64> {
     let last = *course.last()?;
+    // A quarter of a short course may round to 0, and the course may be a single cost.
     let before = *course.get(course.len() - 1 - (course.len() / 4).max(1).min(course.len() - 1))?;
     (before > 0.0).then(|| (before - last) / before)
 }

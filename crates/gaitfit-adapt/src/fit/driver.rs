@@ -60,6 +60,7 @@ impl<'a> Fit<'a> {
         if checkpoint.runs.len() != fit.runs.len() {
             return Err(FitError::Checkpoint(format!("it holds {} runs", checkpoint.runs.len())));
         }
+        // Both lists have the same order: costs first, then seeds.
         for (run, saved) in fit.runs.iter_mut().zip(checkpoint.runs) {
             *run = run.restored(costs[run.cost].name(), saved, theta, &fit.options)?;
         }
@@ -102,11 +103,13 @@ impl<'a> Fit<'a> {
         }
         // Least squares steps on copies, so a cancelled batch below leaves every run as it was.
         let stepped = self.least_squares_steps(&active, cancel)?;
+        // Then CMA-ES: the candidates of all its runs, in the order of the runs.
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
         for &index in &active {
             let run = &mut self.runs[index];
             let (cost, seed, generation) = (run.cost, run.seed, run.generation());
+            // A run of least squares asks for no candidates: it was stepped above.
             let Some(asked) = run.ask() else { continue };
             sizes.push((index, asked.len()));
             jobs.extend(asked.into_iter().enumerate().map(|(candidate, values)| Job {
@@ -119,6 +122,7 @@ impl<'a> Fit<'a> {
         let results = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let recordings = self.simulator.recordings();
         let generation = self.generation + 1;
+        // Results come in the order of the jobs, so each run takes its part of them.
         let mut reports = Vec::with_capacity(active.len());
         let mut evaluations = jobs.len();
         let mut from = 0;
@@ -155,7 +159,9 @@ impl<'a> Fit<'a> {
             active.iter().copied().filter(|&run| self.runs[run].is_least_squares()).collect();
         let (theta, simulator, options) = (self.theta, self.simulator, &self.options);
         let cost = |run: usize| self.costs[self.runs[run].cost].as_ref();
+        // A step simulates the values and two neighbours of each entry.
         let at_once = |&run: &usize| Problem::at_once(cost(run), 2 * theta.len() + 1);
+        // Runs of several costs may share a batch, so the smallest limit of all counts.
         let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
         let mut steps = Vec::with_capacity(numbers.len());
         for together in numbers.chunks(at_once) {

@@ -9,12 +9,14 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
+// Fewer candidates say little of up to 100 slopes. More would come from regions that the search has left.
 /// How many of the last candidates are remembered.
 const REMEMBERED: usize = 512;
 /// Max entries of θ for a regression; with more, for example the weights of networks, falls count only where they are seen.
 const MAX_ENTRIES: usize = 100;
 /// A standard deviation below this part of the mean is rounding.
 const ROUNDING: f64 = 1e-9;
+// A much wider prior lets a few falls by chance make steep slopes.
 /// Variance of the prior of each slope, with parameters scaled to a standard deviation of 1.
 const SLOPE_VARIANCE: f64 = 0.25;
 /// Max steps of Newton's method, and max halvings of a step.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Max number of falls that chance explains: the `expected` number plus two standard deviations (Poisson). The expected number
 /// is estimated from `observed` falls of the robot, whose number is due to chance too: the variances of both add.
 pub fn max_falls_by_chance(expected: f64, observed: usize) -> usize {
+    // A robot that never fell has an expected number of 0, so the 1 in place of `observed` does not matter.
     let variance = expected + expected * expected / observed.max(1) as f64;
     (expected + 2.0 * variance.sqrt()).ceil() as usize
 }

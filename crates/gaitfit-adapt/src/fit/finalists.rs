@@ -10,6 +10,7 @@ use super::{CostOutcome, FallPenalty, FitError, Job, evaluate};
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
 
+// Together with the draws below these are up to 128 simulations of all recordings.
 /// Max candidates that are compared again.
 const MAX_FINALISTS: usize = 16;
 /// Draws with which each of them is simulated.

@@ -51,6 +51,7 @@ pub struct Identification {
 impl Identification {
     /// Extends the interval to `half` on both sides of `value`.
     pub(super) fn widen(&mut self, entry: &Entry, value: f64, half: f64) {
+        // An interval only grows, and it stays within the bounds.
         self.lower = self.lower.min(value - half).max(entry.lower);
         self.upper = self.upper.max(value + half).min(entry.upper);
         self.identified = narrow(entry, self.lower, self.upper);

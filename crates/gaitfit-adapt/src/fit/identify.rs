@@ -21,6 +21,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
 pub const MAX_SCANNED: usize = 50;
+// Between two steps the end of an interval is only interpolated; each step costs a simulation to both sides.
 /// Steps of the scan, parts of the range, half a decade apart; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Draws, where recordings are too few or the robot falls.
@@ -82,6 +83,7 @@ pub fn identify(
     let diverged = || FitError::Scan("the simulation of the best values diverges".to_owned());
     let centre = best.first().cloned().flatten().ok_or_else(diverged)?;
 
+    // Without a floor rounding would pass for a rise of the cost.
     let floor = FLOOR.0 + FLOOR.1 * centre[0].abs();
     let (noise, fixed) = if views.count() > 1 {
         (NoiseSource::Recordings, 0.0)
@@ -242,6 +244,7 @@ pub(super) fn end(side: &[(f64, Rise)]) -> (f64, f64) {
     let noise_from = last.and_then(|last| side[last].1).map_or(0.0, |(_, noise)| noise);
     match side.get(last.map_or(0, |last| last + 1)) {
         None => (from, noise_from),
+        // The simulation diverges somewhere before this point; the middle is the best guess.
         Some((to, None)) => (0.5 * (from + to), noise_from),
         Some((to, Some((rise, noise)))) => ((to * noise / rise).clamp(from, *to), *noise),
     }

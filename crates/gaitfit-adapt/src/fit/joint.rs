@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 
 /// Max free parameters whose pairs are simulated: 20 are 380 moves of two.
 const MAX_FREE: usize = 20;
+// Half of it doubles a Newton step along the flattest direction. Far lower, noise alone would set the interval.
 /// Least eigenvalue of the curvature, parts of its mean diagonal: flatter directions are not told apart from noise.
 const FLATTEST: f64 = 0.05;
 /// Part of a parameter's range that it must be able to move to both sides.
@@ -84,6 +85,7 @@ pub(super) fn joint(
     let whole = Views::whole(views.cost(), around.simulator.recordings());
     for alternative in alternatives {
         let singles = &candidates[..ones.len()];
+        // An alternative whose simulation of a move diverges says nothing.
         let Some(costs) = around.costs(alternative.simulator, &whole, singles)? else { continue };
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
@@ -137,6 +139,7 @@ fn free(theta: &Theta, values: &[f64], identifications: &[Identification]) -> Ve
     let entries = theta.entries().iter().zip(values).zip(identifications).enumerate();
     let free_entry =
         |(entry, ((one, value), identification)): (usize, ((&crate::Entry, &f64), &Identification))| {
+            // Moves go to both sides, so the nearer bound limits their size.
             let room = (value - one.lower).min(one.upper - value);
             let size = (0.5 * (identification.upper - identification.lower)).min(room);
             (identification.identified && size > ROOM * (one.upper - one.lower))
@@ -177,6 +180,7 @@ fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize
         curvature[(at, at)] = rise(both);
     }
     for ([a, b], both) in pairs(count).zip(double.chunks_exact(2)) {
+        // Two entries that move together rise by both diagonals and twice the mixed part.
         let mixed = 0.5 * (rise(both) - curvature[(a, a)] - curvature[(b, b)]);
         curvature[(a, b)] = mixed;
         curvature[(b, a)] = mixed;
@@ -188,6 +192,7 @@ fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize
 /// rise: a Newton step along a flat direction would be as long as noise makes it.
 fn inverse(curvature: &DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<DVector<f64>>)> {
     let min = FLATTEST * curvature.trace() / curvature.nrows() as f64;
+    // NaN fails here too, as does a cost that falls in the moves on average.
     if !(min.is_finite() && min > 0.0) {
         return None;
     }

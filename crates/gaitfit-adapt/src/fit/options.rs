@@ -87,6 +87,7 @@ impl Method {
     /// [`FitError::Distributions`], [`FitError::Regularised`], [`FitError::TooManyEntries`] where they were asked to be
     /// and cannot.
     pub fn least_squares(self, cost: &dyn Cost, theta: &Theta) -> Result<bool, FitError> {
+        // The price of values as large as the deviations shows whether there is any regularisation.
         let deviations: Vec<f64> = theta.entries().iter().map(|entry| entry.deviation).collect();
         let refused = if cost.differences().is_none() {
             FitError::Distributions(cost.name().to_owned())
@@ -101,6 +102,7 @@ impl Method {
                 Self::LeastSquares => true,
             });
         };
+        // Only a user who asked for least squares must learn why there is none.
         if self == Self::LeastSquares { Err(refused) } else { Ok(false) }
     }
 }

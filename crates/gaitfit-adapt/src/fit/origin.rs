@@ -106,6 +106,7 @@ impl Origin {
             return Some(format!("it was begun with {before} logs, and there are {now} now"));
         }
         let names = |one: &Self| list(one.parameters.iter().map(|one| one.name.as_str()).collect());
+        // The order counts too: a checkpoint has its values by place.
         if !saved.parameters.iter().map(|one| &one.name).eq(self.parameters.iter().map(|one| &one.name)) {
             return Some(format!("it searches {}, and this fit searches {}", names(saved), names(self)));
         }
@@ -222,6 +223,7 @@ impl Searched {
             ("start", saved.start, self.start),
             ("deviation", saved.deviation, self.deviation),
         ];
+        // Compared exactly: another last digit means other candidates.
         let (what, before, now) = numbers.into_iter().find(|(_, before, now)| before != now)?;
         let [before, now] = [before, now].map(shown_number);
         Some(format!("the {what} of `{name}` was {before}, and it is {now} now"))

@@ -186,12 +186,15 @@ impl CostOutcome {
     /// left before its end reaches two of its deviations to both sides too. `others`: costs
     /// and values that the search came by.
     pub fn widen<'a>(&mut self, theta: &Theta, others: impl Iterator<Item = (f64, &'a [f64])>, error: f64) {
+        // The smallest cost of the search itself: `best_cost` may be that of corrected values.
         let best = self.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
         for (_, values) in others.filter(|(cost, _)| *cost <= best + error) {
             self.reach(theta, values);
         }
         let run = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        // Empty for a search that came to its end: then no interval changes below.
         let left = run.map(|run| run.deviations.clone()).unwrap_or_default();
+        // About 95 % of what the search would still draw lies within two deviations.
         for side in [-2.0, 2.0] {
             let moved =
                 self.values().iter().zip(&left).map(|(value, left)| value + side * left).collect::<Vec<_>>();
@@ -229,6 +232,7 @@ impl CostOutcome {
     /// The random draws of the best run, by which least squares compares.
     pub fn draw(&self) -> u64 {
         let best = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        // The address that the search used, so that later comparisons see the same draws.
         RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0)
     }
 
@@ -246,6 +250,7 @@ impl CostOutcome {
             Ok(correction) => correction,
             Err(reason) => return Ok(Some(reason)),
         };
+        // The cost of the corrected values is not known yet.
         let Some(residuals) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
         else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
@@ -270,6 +275,7 @@ impl CostOutcome {
         problem: Problem<'_>,
         regression: &Regression,
     ) -> Result<Option<String>, FitError> {
+        // Only the cost on all recordings is compared, so no parts are needed.
         let views = Views::whole(problem.cost, problem.simulator.recordings());
         let values = regression.corrected.clone();
         let rollout = Rollout { values, resets: problem.cost.resets(), draw: problem.draw };
@@ -288,12 +294,15 @@ impl CostOutcome {
         }
         let taken = charged <= self.best_cost || problem.theta.len() <= MAX_TAKEN;
         if taken {
+            // Without the price of priors, as after a correction by simulated logs.
             self.best_cost = cost;
             self.take(problem.theta, &regression.corrected);
         }
+        // Whoever's values are taken, the robots' intervals replace those of the scan.
         let entries = problem.theta.entries().iter().zip(&regression.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
             let mut identification = Identification::of_interval(entry, *interval, NoiseSource::Robots);
+            // A value of the search that is kept may lie outside the interval of the robots.
             identification.reach(entry, parameter.value);
             parameter.identification = Some(identification);
         }

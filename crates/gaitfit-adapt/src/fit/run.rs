@@ -147,6 +147,7 @@ impl Run {
         let seed = self.seed;
         let all_diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
         let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
+        // Read before `tell` changes it: these candidates were drawn with it.
         let sigma = search.current().sigma();
         // A run that was resumed has not asked; asking again gives the same candidates.
         let population = asked.take().unwrap_or_else(|| search.ask());
@@ -159,6 +160,7 @@ impl Run {
             costs.iter_mut().zip(risks).for_each(|(cost, falls)| *cost += price * falls);
         }
         let finite: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
+        // The search returns a summary if its run ended by its own criteria. The next run, if any, has then begun.
         let restarted = search.tell(&population, &costs).map_err(FitError::Optimizer)?.is_some();
         // After the charge for risk: infinite costs stay the diverged ones.
         let diverged = evaluations.len() - finite.len();
@@ -169,6 +171,7 @@ impl Run {
         if finite.is_empty() {
             return Err(all_diverged());
         }
+        // The search gives patience and tolerance the same name, so patience is remembered here.
         let mut stuck = false;
         if restarted {
             // Costs before a restart say nothing of the run after it.
@@ -271,6 +274,7 @@ impl Run {
             CmaError::State(what) => broken(what),
             other => broken(other.to_string()),
         };
+        // The search resumes under the new limits, so it is asked anew whether and why it has stopped.
         let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
                 let mut search = Search::resume(settings(self.seed, theta, options), plan(options), *state)
@@ -313,6 +317,7 @@ impl Run {
 fn settled(search: &Search, options: &FitOptions) -> bool {
     let current = search.current();
     let first = &current.settings().deviation;
+    // The largest of all: the search has settled once its last entry has.
     let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
     left <= options.tolerance
 }

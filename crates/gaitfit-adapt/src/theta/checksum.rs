@@ -21,6 +21,7 @@ pub(super) fn digest(text: &str) -> String {
 
 /// Whether a line is that of the checksum.
 fn is_own(line: &str) -> bool {
+    // Another key may begin with the same letters, so the equals sign must follow.
     line.strip_prefix(KEY).is_some_and(|rest| rest.trim_start().starts_with('='))
 }
 
@@ -38,6 +39,7 @@ pub(super) fn at(text: &str, error: &toml::de::Error) -> String {
     let message = escaped(error.message().trim_end(), MAX_MESSAGE);
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
     let line = before.matches('\n').count() + 1;
+    // Columns count characters, as editors show them, not bytes.
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
     format!("line {line}, column {column}: {message}")
 }

@@ -103,6 +103,7 @@ impl ThetaFile {
         if !(1..=FORMAT).contains(&file.format) {
             return Err(ThetaFileError::Format(file.format));
         }
+        // Taken out: outside of a text the field is `None`.
         match file.checksum.take() {
             Some(sum) if sum != checksum::digest(text) => Err(ThetaFileError::Checksum),
             _ => Ok(file),
@@ -147,6 +148,7 @@ impl ThetaFile {
             applied.unwrap_or_else(|| {
                 Err(ThetaFileError::Kind { name: parameter.name.clone(), kind: parameter.kind.clone() })
             })?;
+            // The search's own bounds come last: a value without any meaning is refused by its reader first.
             parameter.check_bounds()?;
         }
         for network in &self.network {

@@ -124,6 +124,7 @@ impl ParameterRule {
                 let joints = self.joints.clone();
                 Ok(vec![Self { joints, ..rule_for(&slides, JointKind::Slide) }])
             }
+            // Hinges alone: the rule already has their unit.
             _ => Ok(vec![self.clone()]),
         }
     }
@@ -206,6 +207,7 @@ impl Modification for JointParameters {
     }
 
     fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        // A stiffness pulls towards angle 0; a torque is a spring without stiffness.
         let spring = |value: f64| match self.parameter {
             JointParameter::Stiffness => Some((value, 0.0)),
             JointParameter::SpringTorque => Some((0.0, value)),
@@ -238,6 +240,7 @@ pub(super) fn read(
     context: &ReadContext<'_>,
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
+    // A file may hold only parameters that a fit can search.
     let kind = JointParameter::searched().find(|one| one.name() == parameter.kind)?;
     Some(context.check(parameter, kind.least(), upper_limit(kind)).and_then(|()| {
         if parameter.joints.is_empty() {

@@ -300,6 +300,7 @@ impl Theta {
     /// The first mean of the search of a run with `seed`, one value an entry.
     pub fn start(&self, seed: u64) -> Vec<f64> {
         let starts = self.modifications.iter().flat_map(|modification| modification.start(seed));
+        // An entry with a prior starts at it, whatever its modification would draw.
         let known = |at: usize| self.prior(at).map(|_| self.entries[at].start);
         starts.enumerate().map(|(at, start)| known(at).unwrap_or(start)).collect()
     }
@@ -324,6 +325,7 @@ impl Theta {
             for one in values.get(part).map(|values| modification.springs(values)).unwrap_or_default() {
                 match springs.iter_mut().find(|spring| spring.joint == one.joint) {
                     Some(spring) => {
+                        // Springs on one joint act side by side, so their torques add up.
                         spring.stiffness += one.stiffness;
                         spring.torque += one.torque;
                     }

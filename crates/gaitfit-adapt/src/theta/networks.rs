@@ -176,6 +176,7 @@ impl NetworkRule {
                     joints: share.joints.iter().map(|&joint| joint.clone()).collect(),
                     lower: self.lower,
                     upper: self.upper,
+                    // Random starts differ from seed to seed; this is their mean.
                     start: 0.0,
                     deviation: self.deviation,
                 });
@@ -222,6 +223,7 @@ impl Networks {
             (NetworkStart::Features, Ok(last)) => {
                 features::weights(last, self.rule.position_scale, self.rule.velocity_scale).to_vec()
             }
+            // Other starts search all weights as they are.
             _ => values.to_vec(),
         }
     }
@@ -254,6 +256,7 @@ impl Modification for Networks {
     }
 
     fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        // Only here does a weight of the last layer stand for a stiffness.
         if self.rule.kind != NetworkName::ResidAct || self.rule.start != NetworkStart::Features {
             return Vec::new();
         }
@@ -264,6 +267,7 @@ impl Modification for Networks {
                 joint: joint.clone(),
                 kind: JointKind::Hinge,
                 stiffness,
+                // The network's input is the angle less `rest`, and a spring's angle counts from 0.
                 torque: offset + stiffness * rest,
             };
             shared.iter().map(spring).collect::<Vec<_>>()
@@ -295,6 +299,7 @@ impl Modification for Networks {
         for (shared, estimates) in self.networks.iter().zip(estimates.chunks_exact(self.searched())) {
             let values: Vec<f64> = estimates.iter().map(|estimate| estimate.value).collect();
             let weights = self.weights(&values);
+            // A file has one network a joint, so shared weights are written for each of their joints.
             file.network.extend(shared.iter().map(|(joint, rest)| SavedNetwork {
                 name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
                 kind: self.rule.kind,
@@ -317,12 +322,14 @@ fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
     stream.fill_normals(0, &mut draws);
     let mut at = 0;
     for (inputs, outputs) in &NETWORK_LAYERS[..2] {
+        // A layer has its weights first, then its biases.
         let (matrix, end) = (at + inputs * outputs, at + (inputs + 1) * outputs);
         draws[at..matrix].iter_mut().for_each(|weight| *weight /= (*inputs as f64).sqrt());
         draws[matrix..end].iter_mut().for_each(|bias| *bias *= BIAS_DEVIATION);
         at = end;
     }
     draws.resize(NETWORK_WEIGHTS, 0.0);
+    // Normals may lie outside narrow bounds.
     draws.iter().map(|weight| weight.clamp(rule.lower, rule.upper)).collect()
 }
 
@@ -339,6 +346,7 @@ pub(super) fn read(
         return Err(ThetaFileError::Network { name: saved.name.clone(), count: saved.weights.len() });
     }
     let kind = saved.kind.kind();
+    // Two networks of one kind would correct the joint twice.
     if candidate.networks.iter().any(|one| one.kind == kind && one.joints.contains(&joint)) {
         return Err(ThetaFileError::Twice { name: saved.name.clone(), joint: saved.joint.clone() });
     }

@@ -134,6 +134,7 @@ impl Theta {
         let joints = &self.entries.get(at)?.joints;
         self.entries.iter().position(|entry| {
             let covered = joints.iter().all(|joint| entry.joints.contains(joint));
+            // Numbers of the whole robot have no joints, and `all` of nothing is true.
             entry.kind == kind.name() && covered && !joints.is_empty()
         })
     }
@@ -143,6 +144,7 @@ impl Theta {
         let mut prior = *self.prior(at)?;
         let value =
             |places: &[Option<usize>]| places.get(at).copied().flatten().and_then(|at| values.get(at));
+        // Strength and load are numbers of the search here, without an error of their own.
         if let Some(strength) = value(&self.strengths) {
             prior = prior.with_strength(*strength, 0.0);
         }

@@ -45,6 +45,7 @@ impl ReadContext<'_> {
     /// Whether the value has a meaning, and can be simulated.
     pub fn check(&self, parameter: &SavedParameter, min: f64, max: f64) -> Result<(), ThetaFileError> {
         let SavedParameter { name, value, .. } = parameter;
+        // Many parameters have no smallest value. The format's limit then counts.
         let min = min.max(-MAX_VALUE);
         if (min..=max).contains(value) {
             return Ok(());

@@ -190,6 +190,7 @@ impl RobotRule {
     fn default_start(&self) -> f64 {
         let defaults = self.kind.defaults();
         let (lower, upper) = (self.lower.unwrap_or(defaults.lower), self.upper.unwrap_or(defaults.upper));
+        // Not `clamp`, which panics if a rule's bounds are in the wrong order: `Entry::check` refuses them later.
         defaults.start.min(upper).max(lower)
     }
 

@@ -17,14 +17,17 @@ const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.
 const MAX_NODES: u32 = 1 << 20;
 
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
+    // A document type could expand a small file to an enormous text.
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)?;
     let elements = || document.descendants().filter(Node::is_element);
+    // Elements refer to each other by `id`, forwards as well as backwards.
     let by_id: HashMap<&str, Node> =
         elements().filter_map(|node| Some((node.attribute("id")?, node))).collect();
     let unit = elements().find(|node| named(node, "unit"));
     let metre =
         unit.and_then(|unit| unit.attribute("meter")?.parse::<f64>().ok()).filter(|metre| *metre > 0.0);
+    // Collada's own default is the metre.
     let scale = metre.unwrap_or(1.0);
     let root = UNMOVED.map(|row| row.map(|x| x * scale));
 
@@ -78,6 +81,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 }
                 "node" => self.read_node(child, transform, depth + 1)?,
                 "instance_node" => {
+                    // A node may name one that it lies in; the depth ends that.
                     if let Some(other) = self.find(child, "url") {
                         self.read_node(other, transform, depth + 1)?;
                     }

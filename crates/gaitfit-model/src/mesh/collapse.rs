@@ -13,6 +13,7 @@ const BORDER: f64 = 3.0;
 const SHORT: f64 = 1e-4;
 /// How much a new corner is drawn to the middle of its edge where the faces leave it open.
 const MIDDLE: f64 = 1e-3;
+// About 78°. Beyond 90° a face would show its back.
 /// Cosine up to which a face may turn.
 const TURNED: f64 = 0.2;
 

@@ -66,6 +66,7 @@ pub fn read(path: &Path) -> Result<Mesh, MeshError> {
     let io = |source| MeshError::Io { file: file(), source };
     let metadata = std::fs::metadata(path).map_err(io)?;
     let content = |source| MeshError::Content { file: file(), source };
+    // A device or a pipe may never end.
     if !metadata.is_file() || metadata.len() > MAX_BYTES {
         return Err(content(ContentError::Size));
     }
@@ -89,6 +90,7 @@ pub fn parse(ending: &str, bytes: &[u8]) -> Result<Mesh, ContentError> {
     if triangles.is_empty() {
         return Err(ContentError::Empty);
     }
+    // NaN fails the comparison too.
     let plausible = |point: &Vec3| point.iter().all(|x| x.abs() < MAX_COORDINATE);
     if !triangles.iter().flatten().all(plausible) {
         return Err(ContentError::Coordinates);

@@ -55,6 +55,7 @@ impl Pool {
         self.meshes += 1;
         let diagonal = diagonal(mesh.triangles.iter().flatten());
         self.largest = self.largest.max(diagonal);
+        // Cells so narrow join only corners that the file meant to be one.
         let mut grid = Grid::new(diagonal / CELLS);
         let start = self.vertices.len();
         for triangle in &mesh.triangles {
@@ -73,12 +74,14 @@ impl Pool {
 
     /// The meshes by their numbers, with at most `max` triangles together. A mesh may end without any.
     pub fn thinned(mut self, max: usize) -> Vec<ThinMesh> {
+        // More triangles than that are clustered by `shrink` in any case.
         if self.len() <= MAX_FINE {
             // Some files have each triangle twice, once for either side.
             self.cluster(0.0);
         }
         self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
+        // Collapses leave vertices without triangles, and triangles that are there twice.
         self.cluster(0.0);
         // Triangles of a picture have 16-bit indices.
         self.shrink(max, MAX_CORNERS * max.min(usize::from(u16::MAX) / MAX_CORNERS));
@@ -105,6 +108,7 @@ impl Pool {
             let corners = triangle.map(|corner| {
                 let number = self.mesh[corner as usize];
                 let place = grid.put(number, self.vertices[corner as usize]);
+                // A place is at most one beyond the list: cells are numbered as they appear.
                 mesh.resize(mesh.len().max(place + 1), number);
                 place as u32
             });

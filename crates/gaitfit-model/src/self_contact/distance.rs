@@ -47,6 +47,7 @@ fn between([a, along]: [Vec3; 2], [b, other]: [Vec3; 2]) -> f64 {
     let ratio = |top: f64, bottom: f64| if bottom > 0.0 { (top / bottom).clamp(-1.0, 1.0) } else { 0.0 };
     let first = ratio(ab * bt - bb * at, aa * bb - ab * ab);
     let second = ratio(ab * first + bt, bb);
+    // The second place may have been clamped, so the first one is solved again for it.
     let first = ratio(ab * second - at, aa);
     let line: Vec3 = std::array::from_fn(|k| apart[k] + first * along[k] - second * other[k]);
     dot(line, line).sqrt()

@@ -82,6 +82,7 @@ impl From<SelfContact> for Written {
 impl SelfContact {
     /// These pairs, by the names of their geoms.
     pub fn named<'a>(pairs: impl IntoIterator<Item = &'a SelfPair>) -> Self {
+        // A name may hold letters that mean something else in a pattern.
         let names = |pair: &SelfPair| [0, 1].map(|side| globset::escape(&pair.geoms[side].name));
         SelfContact::Pairs(pairs.into_iter().map(names).collect())
     }
@@ -154,6 +155,7 @@ impl Parts {
                 GeomKind::Other(kind) => (Shape::Sphere { radius: 0.0 }, Some(kind)),
                 _ => (Shape::Sphere { radius: 0.0 }, Some("plane")),
             };
+            // Planes and height fields are ground, not parts of a robot.
             if !robot[body] || other == Some("plane") {
                 numbers.push(None);
                 continue;
@@ -185,6 +187,7 @@ impl Parts {
         let excluded = spec.excludes.iter().filter(|(a, b)| robot[*a] && robot[*b]);
         Self {
             pairs: pairs.collect(),
+            // By the robot's own numbers, as its geoms have them.
             excluded: excluded.map(|(a, b)| (a - root, b - root)).collect(),
             neighbours: spec.disabled.filterparent,
             off: spec.disabled.contact,
@@ -253,6 +256,7 @@ impl Parts {
             self.parts.iter().flat_map(|part| [part.geom.name.as_str(), part.body.as_str()]).collect();
         let mut scored: Vec<(f64, &str)> =
             names.into_iter().map(|other| (strsim::sorensen_dice(name, other), other)).collect();
+        // The sort is stable: names that are equally near stay in alphabetical order.
         scored.sort_by(|a, b| b.0.total_cmp(&a.0));
         let nearest: Vec<String> = scored.iter().take(MAX_NAMES).map(|(_, name)| shown(name)).collect();
         let (name, robot) = (name.to_owned(), robot.to_owned());
@@ -345,6 +349,7 @@ impl Model {
             SelfContact::Pairs(pairs) => {
                 for [one, other] in pairs {
                     let (first, second) = (parts.named(one, &self.name)?, parts.named(other, &self.name)?);
+                    // In ascending order, as the file's rules have them.
                     let all = first.iter().flat_map(|&a| second.iter().map(move |&b| [a.min(b), a.max(b)]));
                     let apart: BTreeSet<[usize; 2]> = all.filter(|&[a, b]| parts.apart(a, b)).collect();
                     if apart.is_empty() {
@@ -359,6 +364,7 @@ impl Model {
             }
         };
         let mut model = self.clone();
+        // An earlier choice is replaced.
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
         let frames = rest_frames(self);
@@ -405,6 +411,7 @@ impl Model {
             });
         }
         if model.self_pairs.is_empty() && !chosen.is_off() {
+            // Where nothing is left, the last reason that was noted says why.
             let why = left_out.pop().unwrap_or_else(|| "it lets none of its own parts touch".to_owned());
             return Err(SelfContactError::Nothing { what, why });
         }
@@ -417,6 +424,7 @@ impl Model {
         let frames = rest_frames(self);
         let pairs = self.parts.of_file();
         let pairs = pairs.into_iter().filter_map(|[a, b]| Some(self.parts.pair(a, b, &frames).ok()?.pair));
+        // One more than may be shows that there are too many.
         let pairs: Vec<SelfPair> = pairs.take(MAX_PAIRS + 1).collect();
         if pairs.len() > MAX_PAIRS { Vec::new() } else { pairs }
     }

@@ -78,6 +78,7 @@ pub(super) fn read_joint(
         effort: 0.0,
         follows: None,
         limits: None,
+        // Until a <limit> states a bound.
         unlimited: bounded,
     };
     for child in &element.children {
@@ -93,6 +94,7 @@ pub(super) fn read_joint(
     };
     joint.axis = match unit(joint.axis) {
         Some(axis) => axis,
+        // A weld needs no axis.
         None if !moves => joint.axis,
         None => {
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
@@ -149,12 +151,14 @@ fn read_child(
             parts.ends[usize::from(child.name == "child")] = Some(link);
         }
         "origin" => {
+            // `read_origin` checks the attributes itself.
             parts.pose = read_origin(ctx, child)?;
             return Ok(());
         }
         "axis" => a.set_array(ctx, "xyz", &mut parts.joint.axis)?,
         "limit" => {
             let (lower, upper) = (a.number(ctx, "lower")?, a.number(ctx, "upper")?);
+            // One bound is enough for limits; the other one is then 0.
             parts.unlimited &= lower.is_none() && upper.is_none();
             a.set_nonnegative(ctx, "effort", &mut parts.effort)?;
             let mut speed = 0.0;

@@ -51,6 +51,7 @@ pub(super) fn read_link(
                 has_mass = true;
             }
             "collision" => {
+                // Each link has an equal share of the file's limit, so all links together keep it.
                 if body.geoms.len() >= MAX_ITEMS / MAX_BODIES {
                     return Err(ctx.too_many(child.at, "collisions of a link", MAX_ITEMS / MAX_BODIES));
                 }
@@ -135,6 +136,7 @@ fn check(
 
 /// The tensor in the link's axes, given in axes rotated by `quat`.
 fn turn(tensor: [f64; 6], quat: Quat) -> [f64; 6] {
+    // Kept as it is: a decomposition would change the last digits.
     if quat == IDENTITY {
         return tensor;
     }
@@ -165,6 +167,7 @@ fn read_collision(
             _ => ctx.refuse(child.at, child.label(), "not known in <collision>", "remove it")?,
         }
     }
+    // A mesh gives no shape that collides, so there is no geom.
     Ok(kind.map(|shape| GeomSpec {
         name,
         at: element.at,

@@ -42,6 +42,7 @@ pub(super) fn mend_inertias(
     for (index, link) in links.iter_mut().enumerate() {
         let Some(Impossible { at, error }) = link.impossible.take() else { continue };
         let inertial = &mut link.body.inertial;
+        // NaN if nothing has mass; no range contains it.
         let share = inertial.mass / total;
         let fixed = match link.held_by {
             Some(joint) => connections[joint].is_fixed(),
@@ -53,6 +54,7 @@ pub(super) fn mend_inertias(
             *inertial = crate::mend::balance(ctx, at, &label, *inertial).ok_or(*error)?;
             continue;
         }
+        // A negative moment would make the mean too small.
         let mean = inertial.inertia.iter().map(|moment| moment.max(0.0)).sum::<f64>() / 3.0;
         let moments = inertial.inertia.map(|moment| shown_number(rounded(moment))).join(", ");
         ctx.note(

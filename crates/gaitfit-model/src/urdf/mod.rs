@@ -70,6 +70,7 @@ pub(crate) fn read(
     }
 
     ctx.mesh_folder = compiler.mesh_folder.clone();
+    // Links come first, because joints name them.
     let mut links = Vec::new();
     let mut by_name = HashMap::new();
     for element in document.children.iter().filter(|c| c.name == "link") {
@@ -99,6 +100,7 @@ pub(crate) fn read(
         links[connection.child].held_by = Some(connections.len());
         connections.push(connection);
     }
+    // What is left is known to be harmless, or it is refused.
     for element in &document.children {
         match element.name.as_str() {
             "link" | "joint" | "material" | "mujoco" => {}
@@ -107,6 +109,7 @@ pub(crate) fn read(
         }
     }
 
+    // Only now is the mass of the whole robot known.
     mend_inertias(ctx, &mut links, &connections)?;
     note_unlimited(ctx, &connections);
     let bodies = assemble(ctx, document.at, links, &connections, wanted)?;
@@ -262,6 +265,7 @@ fn assemble(
         stack.extend(children[connection.child].iter().rev().map(|&c| (c, bodies.len())));
         bodies.push(body);
     }
+    // Links of a ring hang on each other, so no way from the root leads to them.
     if let Some(left) = bodyless.iter().flatten().find(|b| !(is_world && b.name == "world")) {
         return Err(ctx.invalid(
             left.at,
@@ -282,6 +286,7 @@ fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling
             let moves_it = |connection: &&Connection| {
                 connection.joint.as_ref().is_some_and(|other| other.name == joint.name)
             };
+            // 0 where the file states no effort: such a motor has no bound.
             let limit = connections.iter().find(moves_it).map_or(0.0, |connection| connection.effort);
             Actuator {
                 name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
@@ -310,6 +315,7 @@ fn below_floating_joint(
     let Some(floating) = connections.iter().find(|connection| connection.floats) else { return Ok(root) };
     let total: f64 = links.iter().flatten().map(|link| link.inertial.mass).sum();
     let bare = |link: &BodySpec| link.geoms.is_empty() && link.inertial.mass <= MAX_WORLD_SHARE * total;
+    // Another link on the root would hang in the world, so the root would not be the world.
     let alone = floating.parent == root && children[root].len() == 1;
     let Some(world) = links[root].take_if(|link| alone && bare(link)) else {
         ctx.refuse_unmended(

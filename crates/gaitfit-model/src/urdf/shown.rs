@@ -30,6 +30,7 @@ pub(super) fn show(
             "geometry" => forms.extend(child.children.iter().filter_map(|shape| {
                 let mut a = Attributes::new(shape);
                 let length = |value: f64| (value > 0.0).then_some(value);
+                // A visual without a usable number is left out.
                 let mut number = |name: &str| a.number(ctx, name).ok().flatten().and_then(length);
                 Some(match shape.name.as_str() {
                     "mesh" => {
@@ -37,6 +38,7 @@ pub(super) fn show(
                         let scale = a.array(ctx, "scale").ok().flatten().unwrap_or([1.0; 3]);
                         Form::Mesh(MeshFile { file, frame: ([0.0; 3], IDENTITY), scale })
                     }
+                    // Simple shapes that collide are geoms already.
                     _ if colliding => return None,
                     "sphere" => Form::Solid(Shape::Sphere { radius: number("radius")? }),
                     "cylinder" => Form::Solid(Shape::Cylinder {

@@ -69,6 +69,7 @@ pub trait Engine: Send + Sync {
         cancel: &Cancel<'_>,
     ) -> Result<Vec<f64>, SimError> {
         let recordings = replay.recordings().len();
+        // NaN stays where a result never came.
         let costs = Mutex::new(vec![f64::NAN; candidates.len() * recordings]);
         let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
             let value = cost(recording, signals);

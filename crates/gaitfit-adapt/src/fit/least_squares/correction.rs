@@ -52,6 +52,7 @@ impl Round {
     pub(super) fn noise(&self) -> Vec<f64> {
         let standard_error = |at: usize| {
             let values: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
+            // A single fit has no deviation, and counts as if it had no noise.
             gaitfit_sim::stats::deviation(&values).unwrap_or(0.0) / (values.len().max(1) as f64).sqrt()
         };
         (0..self.values.len()).map(standard_error).collect()
@@ -73,6 +74,7 @@ impl Correction {
     /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too, and
     /// what noise weakens a correction strengthens.
     pub(super) fn inflation(&self) -> f64 {
+        // Simulated logs scatter like the real ones. A mean over R sets adds 1/R of their variance.
         STRENGTHENED * (1.0 + 1.0 / self.replicates.max(1) as f64).sqrt()
     }
 }
@@ -80,5 +82,6 @@ impl Correction {
 /// Mean of values.
 pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    // The mean of nothing is 0.
     sum / count.max(1) as f64
 }

@@ -118,6 +118,7 @@ fn further(
         let entries = problem.theta.entries().iter().zip(&at).zip(real.step.iter());
         let next: Vec<f64> = entries
             .map(|((entry, from), by)| {
+                // Slopes hold nearby: no entry moves further than its deviation at once.
                 let by = by.clamp(-entry.deviation, entry.deviation);
                 (from + by).clamp(entry.lower, entry.upper)
             })
@@ -151,6 +152,7 @@ struct Inference<'a> {
 impl Inference<'_> {
     fn rounds(&self) -> Result<Correction, Failure> {
         let mut simulated = self.values.to_vec();
+        // Each set of logs of all rounds has a number, and with it random draws of its own.
         let mut numbers = 0..u32::MAX;
         let (mut slope, mut quiet) = (None, 0.0);
         let (mut done, mut far) = (Vec::<Round>::with_capacity(ROUNDS[1]), Vec::new());
@@ -172,8 +174,10 @@ impl Inference<'_> {
             }
             // Logs that leave less than those of a robot without noise show none.
             let torque_noise = ((self.real.left - quiet) / rise).max(0.0).sqrt().min(MAX_NOISE);
+            // Logs of the robot as it is assumed now, each set with draws that no other set has.
             let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
             let compared = self.compared(&simulated, torque_noise, &drawn)?;
+            // What little noise adds to the differences would be lost in the differences of sets.
             if torque_noise > TELLING * FIRST_NOISE {
                 let left = compared.iter().map(|one| one.left).sum::<f64>() / compared.len().max(1) as f64;
                 slope = Some((left - quiet) / torque_noise.powi(2)).filter(|slope| *slope > 0.0).or(slope);
@@ -190,10 +194,12 @@ impl Inference<'_> {
             if FAR.contains(&done.len())
                 && let Some(moved) = self.far(&simulated, &response)
             {
+                // The next round gets this number.
                 far.push(done.len());
                 simulated = moved;
             }
         }
+        // The last round teaches the response too.
         let response = self.response(&done)?;
         Ok(self.correction(done, &far, &response))
     }
@@ -211,6 +217,7 @@ impl Inference<'_> {
 
     /// Whether what a round misses is not worth another one.
     fn settled(&self, round: &Round) -> bool {
+        // What the fit of the real logs has beyond the mean of this round's fits.
         let missed: Vec<f64> = self.values.iter().zip(round.mean()).map(|(value, fit)| value - fit).collect();
         let noise = round.noise();
         let entries = self.problem.theta.entries().iter().zip(&self.moving);
@@ -258,6 +265,7 @@ impl Inference<'_> {
         let far = moving
             .filter(|(_, moving)| **moving)
             .map(|((entry, (from, to)), _)| ((to - from) / entry.deviation).abs());
+        // At most 1: an estimate that is near is taken as it is.
         let part = 1.0 / far.fold(1.0, f64::max);
         let moved = entries.iter().zip(simulated.iter().zip(estimate)).zip(&self.moving);
         let moved = moved.map(|((entry, (from, to)), moving)| {
@@ -275,6 +283,7 @@ impl Inference<'_> {
         }
         let entries = self.problem.theta.entries();
         let scaled = entries.iter().zip(simulated.iter().zip(self.values)).zip(&change);
+        // Its sign says which way the rounds have gone along the change.
         let gone: f64 =
             scaled.map(|((entry, (to, from)), by)| (to - from) * by / entry.deviation.powi(2)).sum();
         let moved: Vec<f64> =

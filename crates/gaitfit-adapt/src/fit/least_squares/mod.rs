@@ -75,6 +75,7 @@ pub struct GaussNewton {
 
 /// The value nearest to `value` that is a deviation off the bounds of `entry`, or in their middle.
 pub fn off_bounds(entry: &Entry, value: f64) -> f64 {
+    // In a range narrower than two deviations the middle is as far off the bounds as can be.
     let room = (0.5 * (entry.upper - entry.lower)).min(entry.deviation);
     value.clamp(entry.lower + room, entry.upper - room)
 }
@@ -98,6 +99,7 @@ impl GaussNewton {
     pub(super) fn new(theta: &Theta, seed: u64, first: bool) -> Self {
         let mut start = theta.start(seed);
         let mut draws = vec![0.0; start.len()];
+        // Draws of 0 leave the first search at θ's own start.
         if !first {
             Stream::new(seed, Purpose::RESTART).fill_normals(0, &mut draws);
         }
@@ -126,6 +128,7 @@ impl GaussNewton {
             |values: &[f64]| values.len() == theta.len() && values.iter().zip(theta.entries()).all(inside);
         let best = match &self.best {
             Some(best) => whole(&best.x) && best.cost.is_finite(),
+            // Without a best candidate the search must not have begun.
             None => self.stop.is_none() && self.generation == 0,
         };
         whole(&self.values) && best && (MIN_DAMPING..=MAX_DAMPING).contains(&self.damping)
@@ -140,6 +143,7 @@ impl GaussNewton {
         if done > generations {
             return Err(format!("it has done {done} generations, and the limit is {generations} now"));
         }
+        // A search that only its limit had ended resumes. One that has done the new limit's generations ends.
         match self.stop {
             Some(Stop::Generations) if done < generations => self.stop = None,
             None if done == generations && done > 0 => self.stop = Some(Stop::Generations),
@@ -265,12 +269,14 @@ pub(super) fn step(
     generations: usize,
     tolerance: f64,
 ) -> Result<Vec<Option<Stepped>>, FitError> {
+    // The present points of all searches and their derivatives are one batch.
     let points: Vec<(Problem<'_>, &[f64])> =
         searches.iter().map(|(search, problem)| (*problem, search.values.as_slice())).collect();
     let around = around_all(&points)?.into_iter().zip(&points);
     let slopes: Vec<Option<Slopes>> =
         // A search whose present point diverges has no slopes and no trials, but keeps its place in the list.
         around.map(|(here, (problem, values))| Some(Slopes::new(problem, values, here?))).collect();
+    // The trials of all searches are a second one.
     let trials: Vec<Vec<Trial>> = searches
         .iter()
         .zip(&slopes)
@@ -284,6 +290,7 @@ pub(super) fn step(
     let asked: Vec<(Problem<'_>, &[Vec<f64>])> =
         searches.iter().zip(&candidates).map(|((_, problem), all)| (*problem, all.as_slice())).collect();
     let tried = residuals(&asked)?;
+    // Each search chooses among its own trials.
     let known = slopes.iter().zip(trials.iter().zip(&tried));
     let chosen = searches.iter_mut().zip(known).map(|((search, problem), (slopes, (trials, tried)))| {
         let slopes = slopes.as_ref()?;
@@ -331,6 +338,7 @@ impl<'a> Neighbourhood<'a> {
         let mut steps = Vec::with_capacity(values.len());
         for (at, entry) in problem.theta.entries().iter().enumerate() {
             let room = 0.5 * (entry.upper - entry.lower);
+            // At most half of the range, so that one of the two neighbours always has its full distance.
             let probe = (PROBE * entry.deviation).min(room);
             let mut at_most = |to: f64| {
                 let mut candidate = values.to_vec();
@@ -341,6 +349,7 @@ impl<'a> Neighbourhood<'a> {
             // At a bound one of the two stays where it is, and the difference is one-sided.
             steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
         }
+        // Refused before anything is simulated: a long simulation must not end for want of memory.
         problem.check(problem.differences()?.count(), candidates.len())?;
         let exact = problem.derivatives(values)?;
         Ok(Self { problem, candidates, steps, exact })
@@ -375,6 +384,7 @@ impl<'a> Neighbourhood<'a> {
 fn free(theta: &Theta, values: &[f64], normal: &Normal) -> Vec<bool> {
     let held = |(at, entry): (usize, &Entry)| {
         let slope = normal.slope[at];
+        // A step goes against the slope: a positive slope pushes downwards.
         values[at] <= entry.lower && slope > 0.0 || values[at] >= entry.upper && slope < 0.0
     };
     theta.entries().iter().enumerate().map(|one| !held(one)).collect()

@@ -189,6 +189,7 @@ impl Normal {
         };
         let mut sum = Self::zero(jacobian.entries());
         let parts = pool::map(residuals.recordings.len(), threads, of_recording);
+        // In the order of the recordings, so that the sum does not depend on the number of threads.
         parts.iter().for_each(|part| sum.add(part));
         sum
     }

@@ -111,6 +111,7 @@ pub fn answers<W: World + ?Sized>(
             return Ok(Comparison { left, step: Vec::new() });
         };
         let here = around(&problem, &question.values)?.ok_or_else(diverged)?;
+        // The loss is that of the real logs, so that both sides weigh their differences alike.
         let normal = Normal::whole(&here.jacobian, &here.residuals, *loss, problem.simulator.threads());
         let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
         let step = normal.step(RIDGE, moving).ok_or_else(flat)?;
@@ -121,6 +122,7 @@ pub fn answers<W: World + ?Sized>(
     let candidates = 2 * problem.theta.len() + 1;
     // The threads are divided: each set of logs compares with its share of them.
     let threads = logs.first().map_or(1, |logs| logs.simulator.threads());
+    // Each set at work holds the differences of all its candidates, so memory limits how many work at once.
     let at_once = logs.first().map_or(1, |logs| Problem::at_once(logs.cost.as_ref(), candidates));
     let at_once = at_once.min(threads);
     pool::map_each(logs.iter(), (at_once, threads), answer).into_iter().collect()

@@ -124,6 +124,7 @@ impl Problem<'_> {
 pub(super) fn residuals(
     asked: &[(Problem<'_>, &[Vec<f64>])],
 ) -> Result<Vec<Vec<Option<Residuals>>>, FitError> {
+    // All problems have the same simulator and θ, so the first one's serve for all.
     let Some((Problem { simulator, theta, cancel, .. }, _)) = asked.first() else { return Ok(Vec::new()) };
     let (mut rollouts, mut pending) = (Vec::new(), Vec::new());
     for (problem, candidates) in asked {
@@ -145,6 +146,7 @@ pub(super) fn residuals(
     let mut finished = pending
         .into_iter()
         .map(|(_, pending)| pending.into_inner().unwrap_or_else(PoisonError::into_inner).finish());
+    // Results have the order of the rollouts, so each problem takes as many as it asked for.
     asked.iter().map(|(_, candidates)| finished.by_ref().take(candidates.len()).collect()).collect()
 }
 
@@ -154,6 +156,7 @@ impl<'a> Pending<'a> {
     }
 
     fn add(&mut self, recording: usize, signals: Signals<'_>, residuals: Result<Vec<f32>, CostError>) {
+        // Falls count even if the signals cannot be compared.
         self.falls += usize::from(signals.fell_at.is_some());
         match residuals.and_then(|numbers| self.accumulator.add(recording, signals).map(|()| numbers)) {
             Ok(numbers) => {

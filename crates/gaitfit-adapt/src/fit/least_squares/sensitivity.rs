@@ -114,6 +114,7 @@ fn together(residuals: &Residuals, width: usize) -> f64 {
     // Correlation of differences so many samples apart, recordings not mixed.
     let product = |apart: usize| -> f64 {
         let product = |one: &Vec<f32>| -> f64 {
+            // A recording that is shorter than that has no such pairs.
             let later = one.get(apart * width..).unwrap_or_default();
             one.iter().zip(later).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
         };

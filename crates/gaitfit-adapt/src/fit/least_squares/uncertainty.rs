@@ -17,6 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
+// Student's quantile is 2.07 for 23 degrees of freedom. Far fewer pieces would widen all intervals.
 /// Pieces that the logs are cut into, at least, as far as they have so many samples.
 const PIECES: usize = 24;
 /// Fewest samples of a piece, half a second at 50 Hz: what happens within belongs together.
@@ -80,6 +81,7 @@ pub fn uncertainty(
     if let Some(by) = further {
         shifts.push(Shift { what: "a further step of the search".to_owned(), by });
     }
+    // Each other simulator would have its minimum elsewhere: how far away is the shift.
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
         // An alternative that diverges at these values says nothing.

@@ -79,6 +79,7 @@ pub fn descend(
         stop: None,
     };
     while search.stop.is_none() {
+        // A trial that diverges is not taken. `None` means that the present values diverge.
         if search.step(&problem, steps, tolerance)?.is_none() {
             return Ok(None);
         }

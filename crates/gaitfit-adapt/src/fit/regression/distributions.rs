@@ -54,6 +54,7 @@ impl<'a> Distributions<'a> {
         let mut groups: Vec<((usize, usize), Range<usize>)> = Vec::new();
         for (k, (signal, column, ..)) in self.dimensions().enumerate() {
             let (key, numbers) = (group((signal, column)), k * PARTS..(k + 1) * PARTS);
+            // Columns ascend within a signal, so the numbers of one group follow each other.
             match groups.last_mut().filter(|(last, _)| *last == key) {
                 Some((_, range)) => range.end = numbers.end,
                 None => groups.push((key, numbers)),
@@ -69,6 +70,7 @@ impl<'a> Distributions<'a> {
         self.dimensions()
             .flat_map(|(signal, column, scale)| {
                 let kept = recordings.clone().filter_map(|number| reference.recorded(signal, number));
+                // The reference has cut off its pre-roll; `settling` comes on top.
                 let rows = kept.flat_map(|matrix| matrix.chunks_exact(joints).skip(self.settling));
                 let mut pool: Vec<f64> = rows.map(|row| row[column]).collect();
                 pool.sort_unstable_by(f64::total_cmp);
@@ -90,6 +92,7 @@ impl<'a> Distributions<'a> {
             let mut pool = Vec::with_capacity(kept);
             for log in logs {
                 let signals = log.signals();
+                // Simulated logs still have the pre-roll, which `skip` contains.
                 let rows = signals.get(signal)?.chunks_exact(joints).take(end(log)).skip(skip);
                 pool.extend(rows.map(|row| f64::from(row[column])));
             }

@@ -35,6 +35,7 @@ impl Likeness {
             return None;
         }
         let distance = distance(logs, &robots.iter().collect::<Vec<_>>())?;
+        // Each robot is compared with the others in the way the real logs are compared with all.
         let apart = |at: usize| {
             let others = robots.iter().enumerate().filter(|(other, _)| *other != at);
             self::distance(&robots[at], &others.map(|(_, one)| one).collect::<Vec<_>>())
@@ -43,6 +44,7 @@ impl Likeness {
         distances.sort_by(f64::total_cmp);
         let (typical, above) =
             (distances[distances.len() / 2], distances[(ONE_DEVIATION * distances.len() as f64) as usize]);
+        // The logarithm's deviation is ln(above / typical), and two of them square the ratio.
         let by_chance = typical * (above / typical).powi(2);
         (typical > 0.0).then_some(Self { distance, typical, by_chance, robots: robots.len() })
     }

@@ -108,6 +108,7 @@ impl Regression {
     /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
         let Some(last) = self.rounds.last() else { return false };
+        // Results of earlier versions lack some of these lists.
         let at_entry = |numbers: &[f64]| numbers.get(entry).copied();
         let (error, disagreement) = (at_entry(&last.errors), at_entry(&last.disagreement));
         let whole = at_entry(&last.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
@@ -186,6 +187,7 @@ fn estimate(source: &Rounds<'_>, values: &[f64]) -> Result<Regression, NoEstimat
     // For the likeness robots need the scatter that the prediction's errors make.
     let with_errors = source.with_errors(&corrected, together, WITH_ERRORS);
     let likeness = Likeness::new(numbers, &walk(&with_errors)?);
+    // Where too few robots walked there is no verdict, and the intervals keep their width.
     let wider = likeness.map_or(1.0, |likeness| likeness.ratio());
     let (interval, deviation) = intervals(entries, &posteriors, wider);
     Ok(Regression {
@@ -229,6 +231,7 @@ fn intervals(
 /// An interval whose ends are moved to the bounds of `entry` where they are less than `near` from them.
 fn to_bounds([lower, upper]: [f64; 2], entry: &Entry, near: f64) -> [f64; 2] {
     [
+        // An end that lies beyond its bound already stays there, hence `min` and `max`.
         if lower - entry.lower < near { lower.min(entry.lower) } else { lower },
         if entry.upper - upper < near { upper.max(entry.upper) } else { upper },
     ]

@@ -205,6 +205,7 @@ impl Rounds<'_> {
             let fallen = self.each - count;
             return Err(NoEstimate::Because(format!("{fallen} of {} simulated robots fall.", self.each)));
         }
+        // Robots of earlier rounds help too, as far as they lie in this round's region.
         let mut near = robots.between(&lower, &upper);
         for (values, logs) in drawn.into_iter().zip(walked) {
             // A robot that fell has no distributions to learn from.
@@ -241,6 +242,7 @@ impl Rounds<'_> {
     /// The logs of `robots`, the first of which has the number `first`.
     pub fn walk(&self, robots: &[Vec<f64>], first: usize) -> Result<Vec<Option<Vec<f64>>>, NoEstimate> {
         let walked = self.world.walk(robots, number(first));
+        // A walk that was cancelled may also return an error; being cancelled comes first.
         if (self.cancel)() {
             return Err(NoEstimate::Cancelled);
         }
@@ -249,6 +251,7 @@ impl Rounds<'_> {
 }
 
 fn number(robot: usize) -> u32 {
+    // It only addresses random draws, and no fit simulates so many robots.
     u32::try_from(robot).unwrap_or(u32::MAX)
 }
 
@@ -265,6 +268,7 @@ fn evenly(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> 
     let mut robots = vec![Vec::with_capacity(lower.len()); count];
     for (entry, (lower, upper)) in lower.iter().zip(upper).enumerate() {
         let draws = stream.step(number(entry));
+        // A random order decides which robot lies in which part.
         let mut order: Vec<(f64, usize)> = (0..count).map(|k| (draws.uniform(number(k)), k)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, (_, robot)) in order.into_iter().enumerate() {

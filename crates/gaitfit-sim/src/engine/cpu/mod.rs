@@ -67,6 +67,7 @@ impl Engine for Cpu {
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
         batch.check_imu_delay(robots)?;
+        // All robots of a tile take the same step. A part is in it if any of them needs it.
         let modifications = modifications::<f32>(batch.model(), networks, Parts::from_params(robots))?;
         let shared = Shared {
             tree: &batch.tree,

@@ -86,6 +86,7 @@ impl Lane {
         let mut params = params.clone();
         let from = &replay.recordings[recording];
         for (j, joint) in params.joints.iter_mut().enumerate() {
+            // The gains are the recording's; a candidate has factors on them.
             joint.kp = candidate.kp_scale[j] * from.kp[j];
             joint.kd = candidate.kd_scale[j] * from.kd[j];
         }
@@ -179,9 +180,11 @@ impl<T: Lanes> Block<T> {
                 return false;
             }
             record(sample, &self.state, &self.memory[beyond..]);
+            // The last target would act after the last sample, which is recorded already.
             if sample + 1 == longest {
                 break;
             }
+            // The history is newest first, so older targets move back by one row.
             let kept = self.history.len() - n;
             self.history.copy_within(..kept, n);
             for j in 0..n {

@@ -94,6 +94,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     fn scatter(&self, value: T, rows: &mut [f32], first: usize, width: usize, column: usize) {
         let mut values = [0.0; WIDEST];
         value.store(&mut values);
+        // Lanes beyond the last robot repeat it and are not reported.
         let count = T::LANES.min(self.environments - first);
         for (lane, value) in values.iter().enumerate().take(count) {
             rows[(first + lane) * width + column] = *value;
@@ -119,6 +120,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for k in 0..4 {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
         }
+        // A late unit's memory holds what it reads beyond the present.
         if let Some(place) = self.sensors.imu {
             let readings = motion.late_imu.get_or_insert_default();
             readings.resize(self.environments * IMU_READING, 0.0);
@@ -130,6 +132,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for j in 0..joints {
             let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
+            // The velocity `lead` seconds on, by the last acceleration.
             let velocity = lead.map_or(state.qvel[j], |lead| lead.fma(state.qacc[j], state.qvel[j]));
             self.scatter(velocity, &mut motion.joint_velocity, first, joints, j);
             if let Some(place) = self.sensors.velocities {
@@ -185,6 +188,7 @@ fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
 impl<T: Lanes> Block<T> {
     /// Every number that changes from step to step.
     fn numbers(&mut self) -> impl Iterator<Item = &mut T> {
+        // `robot`, `set_robot` and saved tiles rely on this order.
         let mut state = Vec::new();
         self.state.visit_mut(|_, number| state.push(number));
         let last =
@@ -201,6 +205,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     fn place(&mut self, environment: usize, start: &Start) {
         let lane = environment % T::LANES;
         let block = &mut self.blocks[environment / T::LANES];
+        // In the order of `visit`, accelerations of 0 among them.
         let mut numbers = Vec::new();
         start.state().visit(|_, &number| numbers.push(number));
         let mut numbers = numbers.into_iter();
@@ -211,10 +216,12 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         block.tracked.iter_mut().flatten().for_each(|number| set_lane(number, lane, 0.0));
         // What sensors read before the first step is the start's too.
         block.memory.iter_mut().skip(self.sensors.begin).for_each(|number| set_lane(number, lane, 0.0));
+        // What it held before is known only with its next target.
         block.fresh[lane] = true;
     }
 
     fn correct(&mut self, readings: &[(usize, Start)]) {
+        // Velocities are reported `lead` seconds ahead of the integrator's, so a reading is taken back by as much.
         let lead = self.shared.tree.settings().lead() as f32;
         // Robots of one block are set together: each number of a block is stored and loaded once for all of
         // them.
@@ -222,6 +229,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             let state = &mut self.blocks[of_block[0].0 / T::LANES].state;
             let vectors = state.base_acceleration.map(|vector| vector.map(lanes));
             let quaternions = state.base_quaternion.map(lanes);
+            // How far each robot's reported velocity is ahead of the integrator's.
             let changes: Vec<[[f32; 3]; 2]> = of_block
                 .iter()
                 .map(|(environment, _)| {
@@ -278,6 +286,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 let target = self.gather(targets, first, joints, j);
                 self.blocks[index].history[j] = target;
             }
+            // It stays empty if there are no disturbances.
             self.disturbance.clear();
             for substep in disturbance.chunks_exact(joints * self.environments) {
                 for j in 0..joints {
@@ -298,6 +307,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                         settled.store(&mut values);
                         set_lane(number, lane, values[lane]);
                     }
+                    // All older targets become the new one.
                     for j in 0..joints {
                         block.history[j].store(&mut values);
                         for tap in block.history[j..].iter_mut().step_by(joints) {
@@ -318,6 +328,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 work: &mut self.work,
                 drives: &mut self.drives,
             });
+            // Copied, because the next block uses the same scratch.
             for (torque, drive) in block.torque.iter_mut().zip(&self.drives) {
                 *torque = drive.torque;
             }
@@ -391,6 +402,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         let block = &mut self.blocks[environment / T::LANES];
         let RobotState { state, targets, memory, normal_force, tracked, torque, fresh } = robot;
         let given = [state, targets, memory, normal_force, tracked, torque];
+        // Counted first, so that nothing is written of a state that does not fit.
         let numbers: Vec<&mut T> = block.numbers().collect();
         if numbers.len() != given.iter().map(|part| part.len()).sum::<usize>() {
             return false;
