@@ -55,6 +55,7 @@ pub fn drift(
     threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
     let one = |job: u32, _| {
+        // A job is one command on one tile of robots; commands change fastest, as `joined` expects.
         let (first, command) = (job as usize / TRIALS * TILE, job as usize % TRIALS);
         let recorder =
             DriftRecorder::all(subject.task, TILE.min(robots - first), speeds).swap_remove(command);
@@ -149,6 +150,7 @@ impl DriftRecorder {
         let limits = &task.settings.command;
         let [x, y, yaw] = match speeds {
             Some(speeds) => speeds.map(|speed| [-speed, speed]),
+            // Half of the range on either side: the two directions may have different limits.
             None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
         };
         let commands: [(&str, [f64; 3]); TRIALS] = [
@@ -188,6 +190,7 @@ impl DriftRecorder {
     /// this many steps at a time and looks at the command in between.
     pub fn command_period(&self) -> u32 {
         let [begin, end, last] = self.steps;
+        // From the longest on: the first that divides all three is the greatest common divisor.
         (1..=begin.max(1))
             .rev()
             .find(|&length| [begin, end, last].iter().all(|step| step % length == 0))
@@ -220,6 +223,7 @@ impl DriftRecorder {
                 self.starts[index] = pose;
             }
         }
+        // The path ends where the first robot falls.
         if step > begin && !self.fallen.first().copied().unwrap_or(true) {
             self.path.push(relative(self.starts[0], self.ends[0]));
         }
@@ -229,6 +233,7 @@ impl DriftRecorder {
     pub fn joined(recorders: Vec<Self>) -> Vec<DriftTrial> {
         let mut whole: Vec<Self> = Vec::with_capacity(TRIALS);
         for (number, lot) in recorders.into_iter().enumerate() {
+            // The first lot keeps its path: it has the first robot.
             if number < TRIALS {
                 whole.push(lot);
                 continue;

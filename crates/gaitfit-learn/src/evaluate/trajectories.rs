@@ -147,6 +147,7 @@ impl Trials {
             trial.reward += f64::from(reward);
             trial.linear_velocity_error += f64::from(linear);
             trial.angular_velocity_error += f64::from(angular);
+            // Before the first step the last action is 0, so that step's change is the action itself.
             let change: f32 = action[index * joints..(index + 1) * joints]
                 .iter()
                 .zip(self.last_action.row(index))

@@ -89,6 +89,7 @@ impl Learner {
             let places = shuffle::deal(&counts, minibatches, self.seed, iteration, epoch as u32);
             for minibatch in 0..minibatches {
                 let part = &places[shuffle::range(units, minibatches, minibatch)];
+                // Losses are means over samples, also where a minibatch is made of whole robots.
                 let rows = match remembers {
                     true => part.iter().map(|place| tiles[place.tile as usize].steps).sum(),
                     false => part.len(),
@@ -173,6 +174,7 @@ impl Learner {
         let norm = squares.iter().sum::<f64>().sqrt();
         // 1e-6 as in PyTorch's `clip_grad_norm_`: a gradient of zero divides by no zero.
         let factor = (self.settings.max_gradient_norm / (norm + 1e-6)).min(1.0);
+        // Before the step: of the policy that the losses were computed with.
         report.entropy += self.entropy();
         // Parameters that are not among the targets keep their values and their moments.
         let mut targets = Vec::new();

@@ -205,6 +205,7 @@ impl FoldKind {
             Self::Max => rest.for_each(|x| onto(to, x, larger)),
         }
         match self {
+            // An empty row has no mean: 0 / 0.
             Self::Mean => to.iter_mut().for_each(|x| *x /= count),
             Self::Norm => to.iter_mut().for_each(|x| *x = x.sqrt()),
             _ => {}
@@ -275,6 +276,7 @@ pub(in crate::task) fn flag(on: bool) -> f32 {
 
 /// Unlike `f32::min`, this gives NaN if `a` or `b` is NaN.
 fn smaller(a: f32, b: f32) -> f32 {
+    // A NaN in `b` fails the comparison, so `b` is what is returned.
     if a < b || a.is_nan() { a } else { b }
 }
 
