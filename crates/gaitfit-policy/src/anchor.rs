@@ -47,6 +47,7 @@ impl Reference {
                 ));
             }
             let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // The file's axis need not have length 1; the model's has.
             let cosine = axis.iter().zip(hinge.axis).map(|(a, b)| a * b).sum::<f64>() / size;
             if cosine < ALONG {
                 return refuse(format!(
@@ -56,6 +57,7 @@ impl Reference {
                     hinge.axis
                 ));
             }
+            // By size: a quaternion and its negative are the same rotation.
             if let Some(turned) =
                 chain.into_iter().flatten().find(|&link| model.bodies[link].quat[0].abs() < STRAIGHT)
             {

@@ -93,6 +93,8 @@ impl<'a> Shape<'a> {
                 let spacing = self.settings.rough_distance;
                 let (x, y) = (i as f64 * cell / spacing, j as f64 * cell / spacing);
                 let (a, b) = (x.floor(), y.floor());
+                // Corners of a cell's own grid, counted from its first vertex: neighbouring cells do not join
+                // smoothly.
                 let drawn = |a: f64, b: f64| 2.0 * self.noise.step(a as u32).uniform(b as u32) - 1.0;
                 let along = |b: f64| {
                     let (low, high) = (drawn(a, b), drawn(a + 1.0, b));
