@@ -237,6 +237,7 @@ impl Follower {
         let moves = place >= 0.0 && place <= last as f64;
         let place = place.clamp(0.0, last as f64);
         let low = (place.floor() as usize).min(last);
+        // At the end of the motion both samples are the last one.
         ([low, (low + 1).min(last)], place - low as f64, moves)
     }
 
@@ -300,6 +301,7 @@ impl Follower {
         let anchor = self.anchor(sensed.orientation, &sensed.joint_position);
         let relative = product(inverse(anchor), wanted);
         let matrix = gaitfit_model::rotation::matrix(relative);
+        // Two columns are enough: the third is their cross product.
         for (k, out) in out.iter_mut().enumerate() {
             *out = matrix[k / 2][k % 2] as f32;
         }

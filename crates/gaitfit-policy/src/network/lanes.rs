@@ -65,12 +65,14 @@ fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
     for coefficient in rest {
         p = p * t + number(coefficient);
     }
+    // Φ(x) is 1 − erfc(z)/2 above 0 and erfc(z)/2 below, with z = abs(x)/√2.
     let half = number(0.5) * x * p * t * (-z * z).exponential::<FUSED>();
     if x > T::ZERO { x - half } else { half }
 }
 
 /// f of every number.
 pub(crate) fn activate_all(numbers: &mut [f32], activation: Activation) {
+    // The kernel adds a bias: with zeros it is the function alone.
     let zeros = [0.0; COLUMNS];
     let whole = numbers.len() / COLUMNS * COLUMNS;
     let (whole, rest) = numbers.split_at_mut(whole);
@@ -185,6 +187,7 @@ kernels! {
             Activation::Silu => activate(y, bias, |x| x / (T::ONE + (-x).exponential::<FUSED>())),
             Activation::Gelu => activate(y, bias, gelu::<T, FUSED>),
             Activation::GeluTanh => {
+                // √(2/π), and the cubic coefficient of Hendrycks and Gimpel's approximation.
                 let [root, cubic, half] = [0.797_884_560_802_865_4, 0.044_715, 0.5].map(T::from_f64);
                 activate(y, bias, |x| {
                     let inner = root * (x + cubic * x * x * x);
@@ -227,6 +230,7 @@ kernels! {
                 for (y, slope) in each {
                     let (x, below) = (*y, T::ONE + (-*y).exponential::<FUSED>());
                     let share = T::ONE / below;
+                    // With `share` = σ(x) the derivative of x σ(x) is σ (1 + x (1 − σ)).
                     *slope = share * (T::ONE + x * (T::ONE - share));
                     *y = x / below;
                 }

@@ -152,6 +152,7 @@ impl Network {
     pub fn forward(&self, rows: usize, input: &[f32], output: &mut [f32], scratch: &mut Scratch) {
         let layers = self.shape.layers();
         let (inputs, outputs) = (self.shape.inputs, self.shape.outputs);
+        // A tile's activations are at most as wide as the widest layer; fewer rows than a tile need less.
         let size = TILE.min(rows) * self.shape.widest();
         for buffer in &mut scratch.buffers {
             if buffer.len() < size {

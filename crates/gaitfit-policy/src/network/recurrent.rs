@@ -159,6 +159,7 @@ impl Recurrent {
         let layers = shape.layers().into_iter().enumerate().map(|(number, layer)| {
             let stream = Stream::new(seed, Purpose::WEIGHTS).environment(index).step(number as u32);
             let bound = (1.0 / (layer.hidden as f64).sqrt()) as f32;
+            // The count goes on over all four parts of a layer, so no two numbers share a draw.
             let mut draw = 0;
             let mut uniform = |count: usize| -> Vec<f32> {
                 let next = |_| {

@@ -33,6 +33,7 @@ impl<T: Scalar> RecurrentWeights<T> {
             let [input, output, ..] = layer.parts;
             for (range, inputs) in [(input, layer.inputs), (output, layer.hidden)] {
                 let weight = &parameters[range.clone()];
+                // Row j of the transpose is column j of the weight, whose elements are `wide` apart.
                 for (j, row) in transposed[range].chunks_exact_mut(inputs).enumerate() {
                     let column = weight[j..].iter().step_by(wide);
                     row.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
@@ -222,6 +223,7 @@ impl<T: Scalar> SequenceTape<T> {
             let hidden = span.hidden;
             let wide = cell.gates() * hidden;
             let [weight_ih, weight_hh, bias_ih, bias_hh] = span.parts.clone();
+            // Nothing follows the last step of a rollout, so the way back begins with zeros.
             self.of_state.clear();
             self.of_state.resize(robots * hidden, T::ZERO);
             self.of_cell.clear();
