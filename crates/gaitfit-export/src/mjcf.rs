@@ -242,6 +242,7 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
     let mut old = document.root_element().children().filter(|node| node.has_tag_name("actuator"));
     match old.next() {
         Some(first) => edits.replace(first, block),
+        // Without a block of actuators, one is put before the end of the root element.
         None => edits.insert(document.root_element().range().end - "</mujoco>".len(), format!("  {block}\n")),
     }
     old.for_each(|node| edits.replace(node, String::new()));

@@ -393,6 +393,7 @@ impl Loaded {
 
 /// Gives the interface the clip of a graph's outputs, as well as its own. What to know of it, in words.
 fn clipped(interface: &mut Interface, clip: Vec<f64>) -> String {
+    // Both clips act, so the smaller one is what is left.
     let clips: Vec<f64> =
         clip.iter().enumerate().map(|(joint, &clip)| clip.min(interface.clip(joint))).collect();
     let shown = match clips[..] {

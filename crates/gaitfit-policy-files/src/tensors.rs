@@ -129,6 +129,7 @@ impl<'a> Tensors<'a> {
     /// The tensors of PyTorch's `nn.LSTM` or `nn.GRU`: `prefix.weight_ih_l0` and so on, layer after layer.
     pub fn recurrent(&mut self, prefix: &str, cell: Cell) -> Result<Recurrent, PolicyError> {
         let mut layers = Vec::new();
+        // The first layer is read in any case, so that its absence is an error.
         while layers.is_empty() || self.has(&format!("{prefix}.weight_ih_l{}", layers.len())) {
             let number = layers.len();
             if number == MAX_LAYERS {

@@ -108,6 +108,7 @@ impl Numbers {
 /// The file that belongs to a policy: beside it, in `params` beside it, or in `params` beside its folder.
 pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
     let folder = policy.parent()?;
+    // A bare file name has an empty folder, which is the working directory: the folder above it is `..`.
     let outer = if folder.as_os_str().is_empty() { Path::new("..").to_owned() } else { folder.join("..") };
     [folder.join("deploy.yaml"), folder.join("params/deploy.yaml"), outer.join("params/deploy.yaml")]
         .into_iter()

@@ -251,6 +251,7 @@ impl Walk {
             self.apply(node, &inputs, &attributes)?;
         }
         self.head = output;
+        // Parts were of the value before.
         self.parts.clear();
         Ok(())
     }

@@ -183,6 +183,7 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
     let asked: Vec<usize> = asked.iter().map(|&length| length as usize).collect();
     let many = asked.len().max(constant.dims.len());
     let mut expanded = constant.clone();
+    // Axes are aligned at their ends, so missing ones are put in front.
     while expanded.dims.len() < many {
         expanded.dims.insert(0, 1);
     }
@@ -191,6 +192,7 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
             (_, 1) => {}
             (own, length) if own == length => {}
             (1, length) => {
+                // Before the list of places is made: a file may ask for any length.
                 expanded.values.len().checked_mul(length).filter(|&count| count <= max)?;
                 expanded = taken(&expanded, axis, &vec![0; length], max)?;
             }

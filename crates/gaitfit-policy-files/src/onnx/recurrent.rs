@@ -56,6 +56,7 @@ impl Walk {
             "Unsqueeze" | "Squeeze" => {}
             "Transpose" if behind_memory => {
                 let order = attributes.list("perm").unwrap_or_default();
+                // The units stay last if the axis with the largest number stays last.
                 return order.len() >= 3 && order.iter().max() == order.last();
             }
             "Reshape" if behind_memory => {

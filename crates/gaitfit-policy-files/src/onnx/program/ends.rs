@@ -209,6 +209,7 @@ fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, NodeError>
     if dims.len() > 1 && dims[0].is_none() {
         dims[0] = Some(1);
     }
+    // A product that overflows fits nothing, as 0 does.
     let known = dims.iter().flatten().try_fold(1_usize, |all, &length| all.checked_mul(length)).unwrap_or(0);
     let mut missing: Vec<&mut Option<usize>> = dims.iter_mut().filter(|length| length.is_none()).collect();
     if let [one] = &mut missing[..]
