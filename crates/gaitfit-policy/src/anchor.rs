@@ -22,6 +22,7 @@ impl Reference {
         resolved: &[usize],
     ) -> Result<(), InterfaceError> {
         let refuse = |what: String| Err(InterfaceError(format!("the reference motion's `anchor` {what}")));
+        // Body 0 is the base, where every chain begins.
         let mut body = 0;
         let mut before: Option<usize> = None;
         for AnchorJoint { joint, axis } in &self.anchor {

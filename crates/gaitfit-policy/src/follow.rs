@@ -68,6 +68,7 @@ pub struct Job {
 
 /// The number of the start, from 0 to `count` − 1, that a job with this seed uses. Seed 0 uses start 0.
 pub fn start_number(seed: u64, count: usize) -> usize {
+    // The remainder is below `count`, so it always fits.
     usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }
 

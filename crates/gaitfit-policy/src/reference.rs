@@ -75,6 +75,7 @@ impl Reference {
             .map(|joint| log.joint(joint).ok_or_else(|| lacks(joint)))
             .collect::<Result<_, _>>()?;
         let in_order = |values: &[f64]| -> Vec<f32> {
+            // A log without joints has no rows, and chunks of length 0 would panic.
             let rows = values.chunks_exact(log.joints.len().max(1));
             rows.flat_map(|row| places.iter().map(|&place| row[place] as f32)).collect()
         };
@@ -282,6 +283,7 @@ impl Follower {
     /// Orientation of the robot's anchor.
     fn anchor(&self, base: [f32; 4], joint_position: &[f32]) -> [f64; 4] {
         let base = normalize(base.map(f64::from));
+        // From the base on, each joint turns the frame in which the next one stands.
         self.anchor.iter().fold(base, |frame, &(joint, axis)| {
             product(frame, axis_angle(axis, f64::from(joint_position[joint])))
         })

@@ -130,6 +130,7 @@ impl Memory {
     fn arrays(&self) -> impl Iterator<Item = (&Vec<f32>, usize)> {
         let arrays =
             self.layers.iter().flat_map(|layer| [(&layer.output, layer.hidden), (&layer.cell, layer.hidden)]);
+        // A GRU's cells are empty, and have no width by which they could be cut.
         arrays.filter(|(values, _)| !values.is_empty())
     }
 

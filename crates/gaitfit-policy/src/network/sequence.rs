@@ -111,6 +111,7 @@ impl<T: Scalar> LayerTape<T> {
         for array in [&mut self.output_before, &mut self.output] {
             array.resize(rows * hidden, T::ZERO);
         }
+        // A GRU has no cell: its arrays stay empty.
         let size = if cell == Cell::Lstm { rows * hidden } else { 0 };
         for array in [&mut self.cell_before, &mut self.cell] {
             array.resize(size, T::ZERO);
@@ -122,6 +123,7 @@ impl<T: Scalar> LayerTape<T> {
 /// zeros where an episode begins.
 fn carry<T: Scalar>(before: &mut [T], after: &[T], start: &[T], step: usize, begins: &[bool]) {
     if before.is_empty() {
+        // This is the cell of a GRU: there is none to carry.
         return;
     }
     let size = start.len();
@@ -155,6 +157,7 @@ impl<T: Scalar> SequenceTape<T> {
         self.derivative.resize(rows * shape.outputs(), T::ZERO);
         let mut place = 0;
         for (index, span) in spans.iter().enumerate() {
+            // The layer below is read while this one is written.
             let (below, rest) = self.layers.split_at_mut(index);
             let layer = &mut rest[0];
             let hidden = span.hidden;

@@ -56,6 +56,7 @@ impl Layout {
             let begin = |number: usize| match order {
                 FrameOrder::Terms => start + number * width,
                 FrameOrder::Frames => start + number * frame,
+                // Frame 0 is the oldest in every order, so here it stands last.
                 FrameOrder::NewestFirst => start + (count - 1 - number) * frame,
             };
             let frames: Vec<usize> = (0..count).map(begin).collect();
