@@ -59,12 +59,14 @@ pub(super) fn action(
             Err(invalid(format!("it has no output {}, which `output` names; it has {outputs}", shown(name))))
         };
     }
+    // The only output is the action, whatever its name.
     if let [one] = &model.outputs[..] {
         return Ok(one.name.clone());
     }
     let known = ACTIONS.iter().find(|name| has(name)).map(|name| (*name).to_owned());
     let mut fitting = Vec::new();
     for output in &model.outputs {
+        // The joints are on the last axis.
         let width = dimensions(output)?.last().copied().flatten();
         if width.is_some() && width == joints {
             fitting.push(output.name.clone());
