@@ -51,7 +51,6 @@ impl Fit {
     /// Returns the gains that the first log states.
     fn of_log(&self, model: &Model) -> Option<(Gains, String)> {
         let first = paths::find(self.config.logs.first()?, "log", &self.path).ok()?;
-        // All logs of a folder are of one robot, so its first file tells the gains.
         let file = if first.is_dir() { csv_files(&first).ok()?.into_iter().next()? } else { first };
         let log = read_csv(&file, &ReadOptions::default()).ok()?;
         let names = &self.config.joint_names;

@@ -25,7 +25,6 @@ pub(super) fn files(file: &ThetaFile) -> Result<Vec<(String, Vec<u8>)>, Error> {
         out.push((format!("{name}.onnx"), parts.onnx(name)?));
         for (part, shape, values) in parts.arrays() {
             // Files of an archive carry no time: the same fit gives the same bytes.
-            // Numbers hardly shrink, and every reader of npz knows stored files.
             let plain = SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
             archive.start_file(format!("{name}/{part}.npy"), plain).map_err(|error| failed(&error))?;
             let bytes = npy(&shape, values).map_err(|error| failed(&error))?;
