@@ -229,6 +229,7 @@ impl Recorder {
         log.time.push(log.time.len() as f64 * self.dt);
         let mut rest = row;
         let mut next = |width: usize| {
+            // A row that is too short leaves parts empty and does not panic.
             let (now, later) = rest.split_at(width.min(rest.len()));
             rest = later;
             now.iter().map(|&x| f64::from(x))
@@ -245,6 +246,7 @@ impl Recorder {
                 &mut base.angular_velocity,
             ];
             for (part, width) in parts.into_iter().zip([3, 4, 3, 3]) {
+                // A part that is not recorded is passed over all the same.
                 let values = next(width);
                 if let Some(part) = part {
                     part.extend(values);

@@ -42,6 +42,7 @@ impl TrainingSettings {
         if environments == 0 || environments > MAX_ENVIRONMENTS {
             return refuse("environments", environments, "from 1 to 1048576");
         }
+        // Both numbers come from a file, so their product may overflow.
         if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
             return refuse("steps", steps, "at least 1, and times environments at most 16777216");
         }

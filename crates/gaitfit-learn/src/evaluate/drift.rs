@@ -57,6 +57,7 @@ pub fn drift(
     let one = |job: u32, _| {
         // A job is one command on one tile of robots; commands change fastest, as `joined` expects.
         let (first, command) = (job as usize / TRIALS * TILE, job as usize % TRIALS);
+        // A recorder of every command is made, and this job takes its own.
         let recorder =
             DriftRecorder::all(subject.task, TILE.min(robots - first), speeds).swap_remove(command);
         Ok(vec![record(subject, first as u32, recorder)?])
@@ -119,6 +120,7 @@ pub fn ground_pose(position: &[f32], quaternion: &[f32]) -> [f64; 3] {
 }
 
 fn wrap(angle: f64) -> f64 {
+    // Full turns are taken off, so that the angle lies between −π and π.
     angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
 }
 

@@ -83,6 +83,7 @@ pub fn record_gait_on(
     environment.hold_command(0, [0.0; 3]);
     if let Some(cell) = cell {
         environment.put_on_level(0, cell.level);
+        // The robot was put elsewhere, so its motion is read again.
         environment.refresh();
     }
     let mut player = Player::new(subject, environment);

@@ -217,6 +217,7 @@ impl Learner {
         if !self.settings.normalise_observations {
             return;
         }
+        // In the order of the tiles, so that the sums do not depend on threads.
         for tile in tiles {
             if let Some(normaliser) = &mut self.normaliser {
                 normaliser.merge(&Normaliser::from_samples(self.widths.observation, &tile.observation));
@@ -235,6 +236,7 @@ impl Learner {
 fn weights<'a>(network: &'a Network, memory: &Option<Recurrent>) -> Weights<'a, f32> {
     let weights = match memory {
         None => Weights::new(&network.shape, &network.parameters),
+        // Behind a memory the derivative by the input is needed too: it goes back into the memory.
         Some(_) => Weights::behind_another(&network.shape, &network.parameters),
     };
     weights.with_output(network.output)

@@ -38,6 +38,7 @@ impl Course {
     /// Settings out of range.
     pub fn new(settings: &TerrainSettings) -> Result<(Self, HeightField), TaskError> {
         settings.check()?;
+        // Half of all cells, and the rim, which is on each side.
         let half = |cells: usize| {
             0.5 * settings.cell * (cells * settings.across()) as f64 + settings.cell * settings.rim() as f64
         };
