@@ -87,6 +87,7 @@ impl<T: Scalar> Tape<T> {
             if self.output_derivative[row * width..(row + 1) * width].iter().all(|&d| d == T::ZERO) {
                 continue;
             }
+            // Up to the first idle row all stand where they should.
             if left < row {
                 let close_up = |values: &mut [T], width: usize| {
                     values.copy_within(row * width..(row + 1) * width, left * width);

@@ -34,6 +34,7 @@ impl NamedFoot {
             all.filter(move |(_, geom)| **geom == wanted).map(|(place, _)| place)
         };
         FootGeoms {
+            // `named` takes geoms that may touch the ground, so there is a place.
             main: places(self.main).next().unwrap_or_default(),
             geoms: self.geoms.iter().flat_map(|&geom| places(geom)).collect(),
         }
