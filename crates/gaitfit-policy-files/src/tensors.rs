@@ -40,6 +40,7 @@ impl<'a> Tensors<'a> {
 
     fn view(&mut self, name: &str) -> Result<TensorView<'a>, PolicyError> {
         let view = self.file.tensor(name).map_err(|_| {
+            // A file may hold thousands of tensors: the message shows some.
             let mut names: Vec<String> = self.file.names().into_iter().take(24).map(shown).collect();
             names.sort();
             invalid(format!("tensor {} is missing; the file holds {}", shown(name), names.join(", ")))
@@ -120,6 +121,7 @@ impl<'a> Tensors<'a> {
                     shown(&name)
                 )));
             }
+            // The layers between this norm and the one before it have none.
             norms.resize(layers.len() - 1, None);
             norms.push(Some(self.norm(&name, epsilon)?));
         }

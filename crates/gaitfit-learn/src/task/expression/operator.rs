@@ -129,6 +129,7 @@ impl Two {
             Self::GreaterOrEqual => both(a, b, to, |a, b| flag(a >= b)),
             Self::Equal => both(a, b, to, |a, b| flag(a == b)),
             Self::Unequal => both(a, b, to, |a, b| flag(a != b)),
+            // Without a branch, which `&&` would be, the loop becomes vector instructions.
             Self::And => both(a, b, to, |a, b| flag((a != 0.0) & (b != 0.0))),
             Self::Or => both(a, b, to, |a, b| flag((a != 0.0) | (b != 0.0))),
         }
@@ -187,6 +188,7 @@ impl FoldKind {
     pub(super) fn apply(self, row: &[f32], to: &mut [f32]) {
         let lanes = to.len();
         let count = (row.len() / lanes) as f32;
+        // `row` has the first element of all robots, then the second, and so on.
         let (first, rest) = row.split_at(lanes.min(row.len()));
         let rest = rest.chunks_exact(lanes);
         // The result starts as the first element and takes in one further element a pass: each pass runs over
