@@ -124,6 +124,7 @@ impl<T: Real> Real for Dual<T> {
     }
     #[inline(always)]
     fn min(self, b: Self) -> Self {
+        // Where both are equal, the value and the derivative are those of `b`.
         let tangent = T::select_lt(self.value, b.value, self.tangent, b.tangent);
         Self { value: self.value.min(b.value), tangent }
     }

@@ -69,6 +69,7 @@ pub trait Real:
     /// The guard of a region that is needed unless every lane is 0, and stays 0 along a derivative's direction.
     #[inline(always)]
     fn unless_zero(self) -> Self::Guard {
+        // The negative of a magnitude is at least 0 only where the number is 0.
         (-self.abs()).unless_ge(Self::zero())
     }
     /// Begins a region; `false` says to leave it out.

@@ -195,6 +195,7 @@ impl Robot {
             return Err(PhysicsError::Value { object, quantity, value, must });
         }
         let mass = model.bodies[0].mass + self.base_mass;
+        // A fixed root does not move, so nothing depends on its mass.
         if !(mass >= 0.0 || model.root == Root::Fixed) {
             return Err(base_mass_error(model, mass, "zero or positive"));
         }

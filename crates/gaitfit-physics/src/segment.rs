@@ -348,6 +348,7 @@ fn substitute_joints<T: Real, const N: usize>(
     if let Some(touching) = corrected
         && T::enter(touching)
     {
+        // Nothing is computed here: what the region made is only merged below.
         T::leave(touching);
         for k in 0..N {
             step[k] = joints[k].step.merge(touching, step[k]);

@@ -216,6 +216,7 @@ fn spin_terms<T: Real>(
 #[inline(always)]
 fn to_world<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, f: V3<T>, w: Sym3<T>) -> (V3<T>, Sym3<T>) {
     if pair.aligned {
+        // The normal lies along z and the tangents along y and x, so the numbers only change places.
         ([f[2], f[1], f[0]], [w[2], w[1], w[0], w[5], w[4], w[3]])
     } else {
         let columns = each3!(i => each3!(j => frame[j][i]));

@@ -81,6 +81,7 @@ pub(crate) fn compile<T: Real>(
         |coupling: &Coupling<T::K>| coupling.leader.into_iter().chain([coupling.follower]).collect();
     let of_contacts = contacts.pairs.iter().map(of_pair);
     let coupled: Vec<Vec<usize>> = of_contacts.chain(distant.iter().map(of_coupling)).collect();
+    // Joint i − 1 moves link i, and the root has no joint.
     let parents: Vec<Option<usize>> = links[1..].iter().map(|link| link.parent.checked_sub(1)).collect();
     contacts.sparsity = Sparsity::new(&parents, model.root == Root::Floating, &coupled);
     Ok(contacts)

@@ -250,6 +250,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             let mut unit: V6<T> = zero6();
             unit[k / 3][k % 3] = T::lit(1.0);
             let force = root.mul(unit);
+            // The lower triangle is all that the factorisation reads.
             for i in k..6 {
                 work.self_contact.matrix[sparsity.bases(i, k)] = force[i / 3][i % 3];
             }
