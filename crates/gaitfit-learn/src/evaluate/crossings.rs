@@ -139,6 +139,7 @@ impl<'a> CrossingRecorder<'a> {
     /// A recorder for the robots of `environment`, which have not moved yet; `None` on flat ground.
     pub fn new(environment: &Environment<'a>) -> Option<Self> {
         let task = environment.task();
+        // On flat ground there is no recorder, so the default is never used.
         let cell = |index: usize| environment.cell(index).unwrap_or_default();
         let crossing = |index: usize| Crossing { cell: cell(index), ..Crossing::default() };
         let places = environment.motion().base_position.chunks_exact(3);
@@ -210,6 +211,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
                 |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
             let column =
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
+            // The kinds are those of the columns, so one of them is found.
             let cell = Cell { level, column: column.unwrap_or_default() };
             // A robot that took no step has gone 0 m in 0 s: its speed is 0.
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();

@@ -135,6 +135,7 @@ impl Parser<'_> {
             let what = format!("more than {MAX_FOLDS} sums, means, norms and extremes");
             return self.wrong(at, Problem::Size { what });
         }
+        // The row was read before, so the folds in it have smaller numbers.
         self.folds.push(Fold { kind, width: row.width, row: row.node });
         self.part(at, Node::Fold(self.folds.len() - 1), 1)
     }

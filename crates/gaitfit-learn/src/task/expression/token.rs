@@ -88,6 +88,7 @@ fn number(text: &str, at: usize) -> Result<(usize, Token), ExpressionError> {
     let rest = &text[at..];
     // A second point is left to the standard parser, which refuses it below.
     let mut length = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+    // An `e` without digits is taken too, and the standard parser refuses it below.
     if let Some(exponent) = rest[length..].strip_prefix(['e', 'E']) {
         let sign = usize::from(exponent.starts_with(['+', '-']));
         let digits = &exponent[sign..];

@@ -51,6 +51,7 @@ struct Shape<'a> {
 
 impl<'a> Shape<'a> {
     fn new(settings: &'a TerrainSettings, course: &Course, cell: Cell) -> Self {
+        // Its number keeps the draws of a cell apart from those of the others.
         let number = cell.level * settings.columns + cell.column;
         Self {
             settings,
