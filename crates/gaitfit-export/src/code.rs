@@ -78,6 +78,7 @@ pub(super) fn isaac_lab(
          and these numbers do not fit.\nNone keeps the asset's value.\n\"\"\"\n\nfrom isaaclab.actuators import \
          DelayedPDActuatorCfg\n\n",
     );
+    // Writing into a text cannot fail, so the results are not looked at.
     let _ = writeln!(text, "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\n");
     if let Some(note) = rounded {
         let _ = writeln!(text, "# {note}.\n");

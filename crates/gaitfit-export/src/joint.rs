@@ -81,6 +81,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             no_load_speed: robot.no_load_speed[j],
             stall_torque: robot.stall_torque[j],
             delay: robot.delay[j],
+            // The file's own springs are in its text already.
             has_spring: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
         }
     };

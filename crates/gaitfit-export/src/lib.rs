@@ -162,6 +162,7 @@ fn files_of(
         true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said(text, model)?),
         false => {
             let base = mjcf::says_base(text, model)?;
+            // Only the robot's own file is changed; meshes and the like are found beside it.
             if text.contains("file=\"") {
                 notes.push(
                     "robot.xml names other files as the original does: put it beside the original".to_owned(),

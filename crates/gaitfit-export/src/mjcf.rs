@@ -53,6 +53,7 @@ fn base_inertial<'a, 'i>(document: &'a Document<'i>, model: &Model) -> Option<No
 
 /// A body's inertial that the compiler takes as it is.
 fn inertial<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
+    // With these settings the compiler computes or scales masses, and the file's numbers are not the robot's.
     let changed = document.descendants().filter(|node| node.has_tag_name("compiler")).any(|compiler| {
         compiler.attribute("inertiafromgeom") == Some("true")
             || compiler
@@ -130,6 +131,7 @@ pub(super) fn patched(
         if joint.has_spring || passive {
             edits.set(text, node, "stiffness", &number(joint.stiffness));
             if let Some(rest) = joint.springref() {
+                // A slide's rest is a length: only hinges have degrees.
                 let in_degrees = degrees && own.kind.is_hinge();
                 edits.set(
                     text,
@@ -218,6 +220,7 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
     let mut block = String::from("<actuator>");
     for (j, name) in order {
         let joint = &joints[j];
+        // The bias of the encoder acts on the position term alone, so it is a constant torque.
         let constant = joint.torque_offset - joint.kp * joint.encoder_bias;
         let limit = match joint.torque_limit.is_finite() {
             true => format!(
@@ -242,11 +245,13 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
     let mut old = document.root_element().children().filter(|node| node.has_tag_name("actuator"));
     match old.next() {
         Some(first) => edits.replace(first, block),
+        // Without a block of actuators, one is put before the end of the root element.
         None => edits.insert(document.root_element().range().end - "</mujoco>".len(), format!("  {block}\n")),
     }
     old.for_each(|node| edits.replace(node, String::new()));
 }
 
 fn escape(name: &str) -> String {
+    // The ampersand first, as the others are written with one.
     name.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

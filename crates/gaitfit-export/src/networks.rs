@@ -43,6 +43,7 @@ fn names(networks: &[SavedNetwork]) -> Vec<String> {
     for (number, network) in networks.iter().enumerate() {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
         let mut name: String = network.name.chars().take(100).map(plain).collect();
+        // An empty name, or one that is taken, gets the network's number.
         while name.is_empty() || names.contains(&name) {
             name = format!("{name}_{number}");
         }

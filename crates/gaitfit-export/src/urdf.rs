@@ -82,6 +82,7 @@ pub(super) fn patched(
             [("mass", &["value"][..]), ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])]
         {
             for attribute in attributes {
+                // Mass and inertia grow by the same factor, as the shape stays.
                 if let Some(node) = within(name).filter(|_| change.factor != 1.0)
                     && let Some([value]) = numbers(node, attribute).as_deref()
                 {
@@ -98,6 +99,7 @@ pub(super) fn patched(
 
 /// Moves the centre of mass of an inertial by `by`, m, axes of the link.
 fn shift(text: &str, inertial: Node<'_, '_>, by: [f64; 3], edits: &mut Edits) {
+    // Without an origin the centre of mass is the link's own origin, by URDF.
     match inertial.children().find(|child| child.has_tag_name("origin")) {
         Some(origin) => {
             let place = numbers(origin, "xyz").unwrap_or_else(|| vec![0.0; 3]);

@@ -28,6 +28,7 @@ impl Edits {
     pub fn append(&mut self, text: &str, node: Node<'_, '_>, inner: String) {
         let Range { start, end } = node.range();
         match text[start..end].rfind("</") {
+            // The last closing tag within an element's text is its own.
             Some(close) if !text[start..end].ends_with("/>") => self.insert(start + close, inner),
             // `<tag ... />`
             _ => {

@@ -28,6 +28,7 @@ pub struct CollectOptions {
 impl CollectOptions {
     /// At most how many control periods are simulated, summed over all robots. `period`: the control period, s.
     pub fn periods(&self, period: f64) -> usize {
+        // A log has one row at least, see `Recorder::new`.
         self.count * ((self.seconds + self.shift[1]) / period).round().max(1.0) as usize
     }
 }
@@ -73,6 +74,7 @@ pub fn collect_each<E: From<TaskError> + Send>(
     let tile = |first: u32, count: usize| {
         for (log, number) in collect_tile(subject, options, first, count)?.into_iter().zip(first as usize..) {
             if let Err(error) = each(number, log) {
+                // The first error is what the caller gets; the one returned here only stops further tiles.
                 failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
                 return Err(TaskError::Interrupted);
             }
@@ -106,8 +108,10 @@ fn collect_tile(
                 recorder.follow(index, player.environment.motion_place(index));
             }
         }
+        // Robots whose log is over move on too: a tile advances as a whole.
         player.step(step)?;
         let targets = player.environment.targets();
+        // Targets are of all the model's joints, actions of those that the policy moves.
         let width = targets.len() / count;
         for index in 0..count {
             let action = &player.action[index * actions..(index + 1) * actions];
@@ -168,6 +172,7 @@ impl Recorder {
         let shift = |index: u32| {
             let draw = Stream::new(seed, Purpose::LOG_SHIFT).environment(first + index).uniform(0);
             let [low, high] = options.shift;
+            // Whole control periods: a log's rows are at the control rate.
             ((low + (high - low) * draw) / dt).round() as u32
         };
         let empty = || Trajectory {
@@ -224,6 +229,7 @@ impl Recorder {
         log.time.push(log.time.len() as f64 * self.dt);
         let mut rest = row;
         let mut next = |width: usize| {
+            // A row that is too short leaves parts empty and does not panic.
             let (now, later) = rest.split_at(width.min(rest.len()));
             rest = later;
             now.iter().map(|&x| f64::from(x))
@@ -240,6 +246,7 @@ impl Recorder {
                 &mut base.angular_velocity,
             ];
             for (part, width) in parts.into_iter().zip([3, 4, 3, 3]) {
+                // A part that is not recorded is passed over all the same.
                 let values = next(width);
                 if let Some(part) = part {
                     part.extend(values);

@@ -38,6 +38,7 @@ impl Growth {
     pub fn level(&self, task: &Task, iteration: u32) -> Option<f64> {
         let curriculum = task.settings.command.curriculum.as_ref()?;
         let level = match curriculum.iterations {
+            // No iterations would divide 0 by 0.
             Some(iterations) => f64::from(iteration) / f64::from(iterations.max(1)),
             None => f64::from(self.steps) * curriculum.step,
         };

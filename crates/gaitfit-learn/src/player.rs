@@ -51,6 +51,8 @@ impl<'a> Player<'a> {
         let policy = self.subject.policy;
         let Self { observation, memory, action, scratch, .. } = self;
         policy.act_with(count, observation, memory, action, scratch);
+        // A function of a policy cannot return an error from inside `act_with`, so its failure is asked for
+        // here.
         if policy.has_failed() {
             return Err(WalkerError::Failed.into());
         }

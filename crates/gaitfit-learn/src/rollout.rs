@@ -57,6 +57,7 @@ impl Tally {
     pub fn add(&mut self, other: &Self) {
         self.steps += other.steps;
         self.reward += other.reward;
+        // A tally that nothing was added to has no terms yet.
         self.terms.resize(other.terms.len(), 0.0);
         self.terms.iter_mut().zip(&other.terms).for_each(|(sum, term)| *sum += term);
         self.tracking.iter_mut().zip(other.tracking).for_each(|(sum, error)| *sum += error);

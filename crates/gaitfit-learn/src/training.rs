@@ -42,9 +42,11 @@ impl TrainingSettings {
         if environments == 0 || environments > MAX_ENVIRONMENTS {
             return refuse("environments", environments, "from 1 to 1048576");
         }
+        // Both numbers come from a file, so their product may overflow.
         if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
             return refuse("steps", steps, "at least 1, and times environments at most 16777216");
         }
+        // Steps are numbered from the start of a training, in 32 bits.
         if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
             return refuse(
                 "iterations",
@@ -301,6 +303,7 @@ impl<'a> Training<'a> {
             None => {
                 let like = |actor: &Recurrent| {
                     let shape = RecurrentShape { inputs: widths.critic_observation, ..actor.shape() };
+                    // The numbers 3 and 1 are those of the critic's parts in `Learner::new`.
                     Recurrent::random(&shape, seed, 3)
                 };
                 let memory = actor_memory.as_ref().map(like);

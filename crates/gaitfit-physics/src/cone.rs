@@ -11,6 +11,7 @@ use crate::vec3::*;
 #[inline(always)]
 pub(crate) fn pyramid3<T: Real>(condim: usize, mu: &[T; 5], d: T, j: V3<T>) -> (V3<T>, Sym3<T>) {
     let z = T::zero();
+    // Without friction there is one row: the normal.
     if condim == 1 {
         let s = T::select_lt(j[0], z, d, z);
         return ([s * j[0], z, z], [s, z, z, z, z, z]);

@@ -18,11 +18,14 @@ use gaitfit_model::MIN_FRICTION;
 #[inline(always)]
 pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
     let one = T::lit(1.0);
+    // Beyond the width the curve stays at its end.
     let x = (pos.abs() * T::k(c.per_width)).min(one);
     let below = T::k(c.midpoint);
+    // Above the midpoint the power law holds for the distance from the end of the curve instead.
     let base = T::select_lt(x, below, x, one - x);
     let mut y = base;
     let mut n = 1;
+    // The power belongs to the robot's structure: all lanes make the same number of turns.
     while n < c.power {
         y = y * base;
         n += 1;
@@ -149,6 +152,7 @@ fn shape_points<T: Real>(
     // A point lies halfway between the two surfaces: half the distance below the shape's, with this sign.
     let half = T::lit(-0.5);
     let radius = T::k(pair.radius);
+    // Aligned pairs never read their frame: their components are the world's axes in another order.
     for point in points.iter_mut().filter(|_| !pair.aligned) {
         point.frame = [normal, k3::<T>(&plane.frame[1]), k3::<T>(&plane.frame[2])];
     }
@@ -183,6 +187,7 @@ fn shape_points<T: Real>(
             // From the axis towards the lowest point of the rim: the downward direction without its part
             // along the axis.
             let across = sub(scale(slope, axis), normal);
+            // The bound is compared with a squared length, so it is squared too.
             let length2 = dot(across, across);
             let tiny = T::lit(TINY * TINY);
             let by = radius.div(length2.max(tiny).sqrt());
@@ -195,9 +200,13 @@ fn shape_points<T: Real>(
             // Two further points of the near rim, 120° to either side of the lowest one.
             let side = cross(rim, axis);
             let side_scale =
+                // A point of the rim at 120° lies half a radius behind the centre and √3/2 radius to the side.
+                // A cylinder without length or radius has no side: the bound avoids 0/0.
                 (radius * T::lit(3f64.sqrt() / 2.0)).div(dot(side, side).sqrt().max(T::lit(1e-30)));
             let near = add(center, axis);
             let third = axpy(half, rim, near);
+            // Lowest point of the near rim, of the far rim, then the two further points of the near rim:
+            // MuJoCo's order.
             let spots = [
                 (level + slope + drop, add(near, rim)),
                 (level - slope + drop, add(sub(center, axis), rim)),
@@ -245,6 +254,7 @@ fn obstacle_points<T: Real>(
         }
         _ => zero3(),
     };
+    // A capsule has two points: the first end is centre + half axis, the second centre − half axis.
     let mut sign = T::lit(1.0);
     for point in points {
         let ball = axpy(sign, segment, center);

@@ -93,6 +93,7 @@ pub(crate) fn subspaces(tree: &Tree<f64>, bodies: &[Body]) -> Vec<(usize, V6<f64
 
 /// Whether link `ancestor` carries link `link`.
 pub(crate) fn carries(tree: &Tree<f64>, ancestor: usize, mut link: usize) -> bool {
+    // A parent has a smaller number than its children, so the walk ends at the ancestor or passes below it.
     while link > ancestor {
         link = tree.links[link].parent;
     }
@@ -248,6 +249,7 @@ pub fn constraint_rows(
             if point.d > 0.0 {
                 let joints = &tree.self_contact.joints[pair.joints.clone()];
                 let start = pair.rows + number * pair.dims * joints.len();
+                // The base moves both parts alike, so its columns stay zero.
                 let mut jacobian = vec![vec![0.0; n]; pair.dims];
                 for (k, row) in jacobian.iter_mut().enumerate() {
                     for (place, joint) in joints.iter().enumerate() {
@@ -318,6 +320,8 @@ impl Contact<'_> {
                 let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
                 rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: d * scale });
             } else if k > 0 {
+                // An edge is the normal plus or minus μ times a tangent, for its Jacobian and for its
+                // reference.
                 for sign in [1.0, -1.0] {
                     let m = sign * mu[k - 1];
                     rows.push(Row {

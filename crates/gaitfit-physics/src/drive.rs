@@ -71,12 +71,14 @@ pub(crate) fn pd<T: Real>(
             for k in 0..taps {
                 // Target k counts with the part of this step in which it is in force: from its sending until
                 // that of target k − 1. The newest has no end, the oldest no beginning.
+                // In physics steps: the next newer target was sent k − 1 control periods before this one began.
                 let until = T::lit((1.0 - k as f64) * substeps as f64);
                 let upper = if k == 0 { end } else { end.min(until) };
                 let since = T::lit(-(k as f64) * substeps as f64);
                 let lower = if k + 1 == taps { start } else { start.max(since) };
                 sum = targets[k * n + j].fma((upper - lower).max(z), sum);
             }
+            // The parts cover the step, whose length is 1 here, so the weighted sum is the mean.
             target = sum;
         }
         // The same branch for all lanes: the kind of a target is part of the robot's structure.
@@ -124,6 +126,8 @@ fn motor<T: Real>(p: &JointParams<T>, qd: T) -> Reach<T> {
     let (z, most) = (T::zero(), T::lit(MAX_SPEED));
     let fall = p.stall_torque.div(p.no_load_speed);
     let line = fall.fma(-qd, p.stall_torque);
+    // Between the flat limit and 0 the line itself is the limit. On either side the limit does not change with
+    // speed.
     let slope = T::select_lt(line, p.torque_limit, T::select_lt(z, line, fall, z), z);
     // Of a motor without a no-load speed in another lane nothing falls.
     Reach {
@@ -159,6 +163,7 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
         drives[j].torque += actuator.gear * limited;
         // A force at its limit does not depend on velocity, so it damps nothing.
         if !saturated {
+            // The gear enters twice: in the actuator's velocity, and in the torque that its force makes.
             drives[j].damping -= actuator.gear * actuator.gear * b2;
         }
     }

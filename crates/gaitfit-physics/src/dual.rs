@@ -111,17 +111,20 @@ impl<T: Real> Real for Dual<T> {
     #[inline(always)]
     fn div(self, b: Self) -> Self {
         let value = self.value.div(b.value);
+        // (a/b)′ = (a′ − (a/b) b′) / b: it takes the quotient that is there already.
         Self { value, tangent: value.fnma(b.tangent, self.tangent).div(b.value) }
     }
     /// At 0 the derivative counts as 0: the step takes roots of lengths whose direction is not asked for there.
     #[inline(always)]
     fn sqrt(self) -> Self {
         let (value, z) = (self.value.sqrt(), T::zero());
+        // At 0 this is infinite or NaN; the selection below drops it.
         let slope = T::lit(0.5).div(value);
         self.chain(value, T::select_lt(z, value, slope, z))
     }
     #[inline(always)]
     fn min(self, b: Self) -> Self {
+        // Where both are equal, the value and the derivative are those of `b`.
         let tangent = T::select_lt(self.value, b.value, self.tangent, b.tangent);
         Self { value: self.value.min(b.value), tangent }
     }

@@ -133,6 +133,8 @@ pub fn state_to(tree: &Tree<f64>, state: &State<f64>) -> (Vec<f64>, Vec<f64>) {
 pub fn acceleration(tree: &Tree<f64>, state: &State<f64>) -> Vec<f64> {
     let mut qacc = Vec::with_capacity(tree.nv());
     if tree.floating {
+        // MuJoCo has translation first and the rotation in body axes; the state has rotation first, all in
+        // world axes.
         qacc.extend(state.base_acceleration[1]);
         qacc.extend(rotate_back(&quat_matrix(&state.base_quaternion), state.base_acceleration[0]));
     }

@@ -219,6 +219,7 @@ macro_rules! define {
             pub fn search_of(self, kind: JointKind) -> Option<SearchDefaults> {
                 let like = |value: f64| kind.like(self.unit(), value);
                 self.search().map(|SearchDefaults { lower, upper, start, deviation }| SearchDefaults {
+                    // In the unit of a slide the bound may fall below the smallest value that is allowed.
                     lower: like(lower).max(self.least()),
                     upper: like(upper),
                     start: like(start),

@@ -94,6 +94,7 @@ const MAX_CELLS: usize = 64;
 /// The greatest heights about each block of cells.
 fn ceiling<T: Real>(field: &HeightField) -> Ceiling<T::K> {
     let steps = field.steps();
+    // At least one cell, also where cells are longer than the look.
     let cells = ((LOOK / steps[0].min(steps[1])).ceil() as usize).clamp(1, MAX_CELLS);
     let blocks = [field.columns, field.rows].map(|vertices| (vertices - 1).div_ceil(cells));
     // Vertices of a block, and of those on either side.

@@ -29,6 +29,7 @@ impl<K> Tree<K> {
             if link.kind == JointKind::Slide {
                 kind.push_str(" slides");
             }
+            // Writing to a string cannot fail, so the results are dropped.
             let _ = match &link.limit {
                 Some(limit) => write!(kind, " limit {}", powers(&limit.impedance)),
                 None => write!(kind, " free"),

@@ -14,6 +14,7 @@ use crate::{Owner, Period, Real, State, Tree, Work, solver, step};
 #[inline(always)]
 pub fn begin<T: Real>(p: &mut Period<'_, T>) {
     let n = p.drives.len();
+    // A row of targets for each control period, newest first: only the newest has not been sent yet.
     for_each(p.modifications, p.memory, |one, memory| {
         one.targets(p.substeps, p.params, p.state, memory, &mut p.targets[..n]);
     });

@@ -168,6 +168,7 @@ impl Robot {
         }
         let motors = self.no_load_speed.iter().zip(&self.stall_torque);
         for ((speed, torque), joint) in motors.zip(&model.joints) {
+            // The motor's line falls by stall torque over no-load speed, so both must be finite.
             if *speed < MAX_SPEED && torque.is_infinite() {
                 return Err(PhysicsError::Value {
                     object: format!("joint `{}`", joint.name),
@@ -194,6 +195,7 @@ impl Robot {
             return Err(PhysicsError::Value { object, quantity, value, must });
         }
         let mass = model.bodies[0].mass + self.base_mass;
+        // A fixed root does not move, so nothing depends on its mass.
         if !(mass >= 0.0 || model.root == Root::Fixed) {
             return Err(base_mass_error(model, mass, "zero or positive"));
         }
@@ -294,6 +296,7 @@ impl Robot {
             }
         }
         for link in &mut links {
+            // A massless link, such as a fixed root without a body of weight, has no centre of mass.
             if link.mass > 0.0 {
                 link.com = scale(1.0 / link.mass, link.com);
                 let about_origin = steiner(link.mass, link.com);
@@ -309,6 +312,7 @@ impl Robot {
 /// Adds a body to a link whose moments are about its origin: `mass` at `com`, `inertia` about `com`.
 fn put(link: &mut LinkInertia<f64>, mass: f64, com: V3<f64>, inertia: &Sym3<f64>) {
     link.mass += mass;
+    // Until all bodies are added, `com` holds the sum of mass times place.
     link.com = axpy(mass, com, link.com);
     let about_origin = steiner(mass, com);
     for k in 0..6 {

@@ -79,6 +79,7 @@ pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Mount>) {
             mounts.push((seat.link, anchor, mat_mul(&seat.rotation, &frame), axis));
             // The body as the new link sees it.
             let back = transpose(&frame);
+            // The frame is the joint's, so a body without further joints sits turned back in it.
             seat =
                 Seat { link: mounts.len(), rotation: back, position: scale(-1.0, rotate(&back, joint.pos)) };
         }

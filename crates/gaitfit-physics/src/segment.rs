@@ -86,6 +86,7 @@ pub(crate) fn eliminate<T: Real>(
     match segment.len {
         1 => eliminate_joints::<T, 1>(tree, (index, segment), hessian, state, work),
         2 => eliminate_joints::<T, 2>(tree, (index, segment), hessian, state, work),
+        // A segment has at most `SEGMENT` joints, which is 3.
         _ => eliminate_joints::<T, 3>(tree, (index, segment), hessian, state, work),
     }
 }
@@ -139,6 +140,7 @@ fn eliminate_joints<T: Real, const N: usize>(
 
     // LDLᵀ of H, applied to [Fᵀ | r] on the way.
     let out = &mut work.segments[index];
+    // H is a mass matrix plus positive terms, so the factorisation needs no exchange of rows.
     let (mut y, mut e, mut d) = (f, r, r);
     d[0] = h[0].recip();
     if N > 1 {
@@ -167,6 +169,7 @@ fn eliminate_joints<T: Real, const N: usize>(
         out.coupling[k] = y[k];
         out.inverse[k] = d[k];
         out.solved[k] = solved;
+        // y is L⁻¹F and z is D⁻¹L⁻¹F: their outer products sum up to F H⁻¹ Fᵀ.
         z[k] = times(d[k], y[k]);
         residual = axpy6(-solved, y[k], residual);
     }
@@ -345,6 +348,7 @@ fn substitute_joints<T: Real, const N: usize>(
     if let Some(touching) = corrected
         && T::enter(touching)
     {
+        // Nothing is computed here: what the region made is only merged below.
         T::leave(touching);
         for k in 0..N {
             step[k] = joints[k].step.merge(touching, step[k]);
@@ -354,6 +358,7 @@ fn substitute_joints<T: Real, const N: usize>(
         joints[k].step = step[k];
     }
     if let Some(node) = segment.node {
+        // The node at the segment's far end moves with the near one and with all joints between them.
         let mut a = above;
         for k in 0..N {
             a = axpy6(step[k], scratch.axis[k], a);

@@ -56,6 +56,7 @@ pub(crate) fn smooth<T: Real>(
         (k3::<T>(&tree.root_position), zero3())
     };
     let pass = Pass { tree, params, state };
+    // Segments add to the node that they hang on, so all nodes begin at zero.
     for node in &mut work.nodes {
         node.rigid = Rigid::zero();
         node.wrench = zero6();
@@ -77,6 +78,7 @@ pub(crate) fn smooth<T: Real>(
             _ => walk::<T, 3>(&pass, index, work),
         }
     }
+    // After the walk: the root's inertia and wrench then hold all that hangs on it, and armature adds to them.
     free::prepare(tree, params, state, work);
     for index in 0..tree.touching.len() {
         link_contacts(&pass, index, origin, origin_velocity, work);
@@ -166,6 +168,7 @@ fn gather<T: Real>(
     for i in 0..k {
         out.mass[2 + k + i] = dot6(out.axis[i], force);
     }
+    // The applied torque counts with a minus sign: the residual is what is left to be balanced.
     let inertial = joint.armature.fma(pass.state.qacc[j], -joint.tau);
     out.residual[k] = dot6_add(axis, *wrench, inertial);
 }
@@ -343,6 +346,7 @@ fn joint_rows<T: Real>(
         None => p.damping.fnma(qd, drive.torque),
     };
     out.tau = pull + p.stiffness.fnma(q, p.spring_torque);
+    // The model's own spring; the one before it is a parameter of the robot.
     if link.has_spring {
         out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
     }
@@ -417,6 +421,7 @@ fn friction_bound<T: Real>(p: &JointParams<T>, qd: T) -> T {
     let x = qd.div(p.stribeck_velocity);
     // exp(−2y) = (1 − tanh y)/(1 + tanh y): a scalar has a hyperbolic tangent and no exponential.
     let y = (T::lit(0.5) * x * x).tanh();
+    // Rounding may take tanh a little above 1, and friction must not fall below that in motion.
     let left = (one - y).max(T::zero()) * (one + y).recip();
     p.stiction.fma(left, p.frictionloss)
 }

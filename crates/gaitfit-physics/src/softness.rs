@@ -18,6 +18,7 @@ pub(crate) fn impedance<K>(
     object: &str,
 ) -> Result<Impedance<K>, PhysicsError> {
     let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
+    // MuJoCo bounds what it reads: both impedances and the midpoint, the width from 0 and the power from 1.
     let (dmin, dmax, width) = (clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0));
     let (midpoint, power) = (clamp(solimp[3]), solimp[4].max(1.0));
     // Without a rise or a width the curve is a constant: the mean of both ends, as in MuJoCo.
@@ -60,6 +61,8 @@ pub(crate) fn impedance_at_zero(solimp: &[f64; 5]) -> f64 {
 /// A row's stiffness k and damping b, and the factor on its D. Where velocities act `lead` later than at the step's
 /// start, the residual J a + b v + k r becomes J a + b (v + lead · J a) + k r.
 pub(crate) fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f64, f64, f64) {
+    // MuJoCo bounds the time constant by its own timestep, which is the emulated one where a step emulates
+    // another.
     let (k, b) = mujoco_reference(solref, dmax, settings.emulated_step.unwrap_or(settings.timestep));
     let gain = 1.0 + b * settings.lead();
     (k / gain, b / gain, gain)

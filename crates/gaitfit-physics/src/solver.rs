@@ -33,6 +33,7 @@ pub(crate) fn solve<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut
 /// correct too.
 #[inline(always)]
 pub(crate) fn iterate<T: Real>(tree: &Tree<T::K>, last: bool, state: &mut State<T>, work: &mut Work<T>) {
+    // Implicit damping solves once more with the residuals, so its last iteration leaves them behind.
     let last = last && tree.settings.damping != Damping::Implicit;
     let search = tree.settings.line_search > 0;
     let wanted = if last && !search { Wanted::Step } else { Wanted::Everything };
@@ -84,6 +85,7 @@ separate! {
             free::terms(tree, hessian, state, work);
             let root = &work.nodes[0];
             step = root.inertia.solve_neg(root.residual);
+            // The root's part of −∇ᵀH⁻¹∇: the step is −H⁻¹ times the residual.
             slope = slope + dot6(root.residual, step);
         }
         // The tree alone lacks the self-contacts' Hessian: its step is completed, then corrected, before
@@ -214,6 +216,7 @@ fn spin_terms<T: Real>(
 #[inline(always)]
 fn to_world<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, f: V3<T>, w: Sym3<T>) -> (V3<T>, Sym3<T>) {
     if pair.aligned {
+        // The normal lies along z and the tangents along y and x, so the numbers only change places.
         ([f[2], f[1], f[0]], [w[2], w[1], w[0], w[5], w[4], w[3]])
     } else {
         let columns = each3!(i => each3!(j => frame[j][i]));
@@ -289,6 +292,7 @@ separate! {
             let mut kinks = Kinks::none();
             let (g, h) = rows_along(tree, alpha, state, work, &mut kinks);
             let g = alpha.fma(curvature, slope) + g;
+            // Where nothing bends the division would be by 0; the move then leaves the bracket and is replaced.
             let h = (h + curvature).max(T::lit(1e-30));
             // The cost is convex: the slope's sign tells the side of the minimum.
             lower = T::select_lt(g, z, alpha, lower);

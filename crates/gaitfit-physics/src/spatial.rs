@@ -184,6 +184,7 @@ impl<T: Real> Articulated<T> {
     /// Adds `u vᵀ`, one term of a sum that is symmetric as a whole.
     #[inline(always)]
     pub fn add_outer(&mut self, u: V6<T>, v: V6<T>) {
+        // `sym_sub` subtracts, so the sign is turned.
         let minus = [scale(T::lit(-1.0), v[0]), scale(T::lit(-1.0), v[1])];
         sym_sub(&mut self.aa, u[0], minus[0]);
         sym_sub(&mut self.ll, u[1], minus[1]);

@@ -56,6 +56,7 @@ pub(crate) fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: 
             a = a + work.joints[j].step;
         }
         qvel[j] = h.fma(a, qvel[j]);
+        // The new velocity moves the position: semi-implicit Euler, which is stable for stiff springs.
         qpos[j] = h.fma(qvel[j], qpos[j]);
     }
     if !tree.floating {

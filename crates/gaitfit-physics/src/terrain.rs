@@ -104,6 +104,7 @@ impl<K: Copy> Block<K> {
 #[inline(always)]
 pub(crate) fn nearest_of_box<T: Real>(c: V3<T>, half: V3<T>) -> (T, V3<T>) {
     let (zero, one) = (T::zero(), T::lit(1.0));
+    // Zero on an axis on which the point lies between the sides; zero on all of them inside the box.
     let d: V3<T> = each3!(i => c[i] - c[i].clamp(-half[i], half[i]));
     let length2 = dot(d, d);
     let tiny = T::lit(TINY * TINY);
@@ -139,6 +140,7 @@ impl<T: Real> Best<T> {
     /// The nearest point of the segment from the vertex that `w` leads from, along `edge`.
     #[inline(always)]
     fn offer_edge(&mut self, w: V3<T>, edge: V3<T>) {
+        // An edge is never of length zero: its part in the grid is a step.
         let along = dot(w, edge).div(dot(edge, edge)).clamp(T::zero(), T::lit(1.0));
         let d = axpy(-along, edge, w);
         self.offer(d, dot(d, d));
@@ -201,6 +203,7 @@ impl<K: Copy> Field<K> {
         let c = local::<T>(&self.rotation, &self.position, x);
         let (dx, dy) = (T::k(self.step[0]), T::k(self.step[1]));
         let (x0, y0) = (c[0] - T::k(self.corner[0]), c[1] - T::k(self.corner[1]));
+        // A vertex at the rim has no cells on one side, so the nearest inner one stands for it.
         let column = (x0 * T::k(self.per_step[0])).round().clamp(one, T::k(self.last[0]));
         let row = (y0 * T::k(self.per_step[1])).round().clamp(one, T::k(self.last[1]));
         // From the middle vertex, at height zero.
@@ -221,6 +224,7 @@ impl<K: Copy> Field<K> {
 
         // Edges and triangles of the four cells. Vertices need no offer of their own: they are the ends of
         // edges.
+        // The root of `FAR`, so that the vector and its square agree and neither overflows in single precision.
         let mut best = Best { d: [zero, zero, T::lit(FAR.sqrt())], square: T::lit(FAR) };
         let mut b = 0;
         while b < 3 {
@@ -255,6 +259,8 @@ impl<K: Copy> Field<K> {
             cell[k] = T::select_lt(p[1], zero, low, high);
             k += 1;
         }
+        // From the corner (0, 0) of the point's cell, which lies a step back where the point is left of or
+        // below the vertex.
         let across = p[0] + T::select_lt(p[0], zero, dx, zero);
         let along = p[1] + T::select_lt(p[1], zero, dy, zero);
         let [under, over] = self.rises::<T>(cell);

@@ -58,6 +58,8 @@ impl DescribedTerm {
         };
         // Frame after frame they are the same numbers.
         match quantity {
+            // More terms than an interface may have: its check refuses them, and until then the bound limits
+            // the memory.
             Quantity::Constant if by_term => (0..history.min(MAX_REPEATED)).flat_map(|_| each(1)).collect(),
             _ => each(history).collect(),
         }

@@ -210,6 +210,7 @@ impl Description {
         }
         let Loaded { front, actor, critic, log_std, clip, notes } = match ending.as_deref() {
             Some("onnx") => {
+                // The graph may name further files, which lie beside it and not beside the description.
                 let home = path.parent().unwrap_or(folder);
                 let mut loaded = self.onnx(&bytes(&path)?, home, &interface).map_err(inside)?;
                 if let Some(encoder) = &self.encoder {
@@ -267,6 +268,8 @@ impl Description {
             )));
         }
         let sees = !interface.critic_observation.is_empty();
+        // The inputs of a graph take other places in the observation of the new interface, so the graph is
+        // read again.
         let front = match policy.front {
             Some(Front::Graph(graph)) => Some(Front::Graph(onnx::graph_behind(&graph, &interface)?)),
             front => front,
@@ -304,6 +307,7 @@ impl Description {
                 Ok(Loaded { front, clip, ..Loaded::new(network) })
             }
             onnx::Found::Graph(graph, notes) => {
+                // The graph gives the actions; the actor passes them on as they are.
                 let actor = Network::identity(interface.joints.len())?;
                 Ok(Loaded { front: Some(Front::Graph(graph)), notes, ..Loaded::new(actor) })
             }
@@ -393,6 +397,7 @@ impl Loaded {
 
 /// Gives the interface the clip of a graph's outputs, as well as its own. What to know of it, in words.
 fn clipped(interface: &mut Interface, clip: Vec<f64>) -> String {
+    // Both clips act, so the smaller one is what is left.
     let clips: Vec<f64> =
         clip.iter().enumerate().map(|(joint, &clip)| clip.min(interface.clip(joint))).collect();
     let shown = match clips[..] {

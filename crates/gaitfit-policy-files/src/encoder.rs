@@ -79,6 +79,7 @@ impl EncoderTensors {
         }
         let path = folder.join(file);
         let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
+        // External data of the encoder's graph lie beside that graph.
         let home = path.parent().unwrap_or(folder);
         let onnx::Read { memory, network, clip } =
             onnx::read_chain(&bytes(&path)?, home).and_then(|chain| chain.read(None)).map_err(inside)?;

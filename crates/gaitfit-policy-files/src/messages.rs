@@ -4,6 +4,7 @@
 /// it.
 pub(super) fn other_kind(table: &toml::Table) -> Option<&'static str> {
     let has = |key: &str| table.contains_key(key);
+    // A table with one of these is meant as a description: its own error tells what is missing.
     if has("file") || has("joints") || has("observation") {
         return None;
     }

@@ -50,6 +50,7 @@ impl ReferenceSource {
             .map_err(|error| invalid(format!("the reference motion does not read: {error}")))?;
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::default()));
+        // The file's head may allow findings.
         allow(&mut findings, &report.allowed);
         let forbids = |severity, kind| severity == Severity::Error && FORBID.contains(&kind);
         if let Some(found) = findings.iter().find(|found| forbids(found.severity, found.kind)) {

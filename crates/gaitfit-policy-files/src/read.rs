@@ -176,6 +176,8 @@ fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
         // A description that says all that the file should say needs nothing of it.
         Err(of_file) => match Description::parse(&text) {
             Ok(description) => Ok((description, Vec::new())),
+            // Only where the description lacks something the weights file could have given, that file's error
+            // is the better one.
             Err(error) if error.to_string().contains("missing field") => Err(of_file),
             Err(error) => Err(inside(error)),
         },

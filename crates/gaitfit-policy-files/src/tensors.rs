@@ -40,6 +40,7 @@ impl<'a> Tensors<'a> {
 
     fn view(&mut self, name: &str) -> Result<TensorView<'a>, PolicyError> {
         let view = self.file.tensor(name).map_err(|_| {
+            // A file may hold thousands of tensors: the message shows some.
             let mut names: Vec<String> = self.file.names().into_iter().take(24).map(shown).collect();
             names.sort();
             invalid(format!("tensor {} is missing; the file holds {}", shown(name), names.join(", ")))
@@ -120,6 +121,7 @@ impl<'a> Tensors<'a> {
                     shown(&name)
                 )));
             }
+            // The layers between this norm and the one before it have none.
             norms.resize(layers.len() - 1, None);
             norms.push(Some(self.norm(&name, epsilon)?));
         }
@@ -129,6 +131,7 @@ impl<'a> Tensors<'a> {
     /// The tensors of PyTorch's `nn.LSTM` or `nn.GRU`: `prefix.weight_ih_l0` and so on, layer after layer.
     pub fn recurrent(&mut self, prefix: &str, cell: Cell) -> Result<Recurrent, PolicyError> {
         let mut layers = Vec::new();
+        // The first layer is read in any case, so that its absence is an error.
         while layers.is_empty() || self.has(&format!("{prefix}.weight_ih_l{}", layers.len())) {
             let number = layers.len();
             if number == MAX_LAYERS {

@@ -205,6 +205,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
         TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
     });
     let views: Vec<_> = views.collect::<Result<_, _>>().map_err(|error| invalid(error.to_string()))?;
+    // With one entry the order of a map does not matter, so equal policies give equal bytes.
     serialize(views, Some(HashMap::from([(KEY.to_owned(), header)])))
         .map_err(|error| invalid(error.to_string()))
 }

@@ -22,6 +22,7 @@ impl Reference {
         resolved: &[usize],
     ) -> Result<(), InterfaceError> {
         let refuse = |what: String| Err(InterfaceError(format!("the reference motion's `anchor` {what}")));
+        // Body 0 is the base, where every chain begins.
         let mut body = 0;
         let mut before: Option<usize> = None;
         for AnchorJoint { joint, axis } in &self.anchor {
@@ -47,6 +48,7 @@ impl Reference {
                 ));
             }
             let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
+            // The file's axis need not have length 1; the model's has.
             let cosine = axis.iter().zip(hinge.axis).map(|(a, b)| a * b).sum::<f64>() / size;
             if cosine < ALONG {
                 return refuse(format!(
@@ -56,6 +58,7 @@ impl Reference {
                     hinge.axis
                 ));
             }
+            // By size: a quaternion and its negative are the same rotation.
             if let Some(turned) =
                 chain.into_iter().flatten().find(|&link| model.bodies[link].quat[0].abs() < STRAIGHT)
             {

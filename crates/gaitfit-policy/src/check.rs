@@ -111,6 +111,7 @@ fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
     match front {
         Front::Recurrent(recurrent) => check_recurrent(name, recurrent)?,
         Front::Encoder(Encoder { network, passed, .. }) => {
+            // Its width is not compared with the observation's here: `check` has done so for every front.
             check_network(name, network)?;
             if let Some(place) = passed.iter().find(|&&place| place >= network.shape.inputs) {
                 let width = network.shape.inputs;

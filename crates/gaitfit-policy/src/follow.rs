@@ -68,6 +68,7 @@ pub struct Job {
 
 /// The number of the start, from 0 to `count` − 1, that a job with this seed uses. Seed 0 uses start 0.
 pub fn start_number(seed: u64, count: usize) -> usize {
+    // The remainder is below `count`, so it always fits.
     usize::try_from(seed % count.max(1) as u64).unwrap_or(0)
 }
 
@@ -195,6 +196,8 @@ impl Worker {
             if sample.is_multiple_of(ASK) && cancel() {
                 return Ok(false);
             }
+            // Not at sample 0, where the script begins in the logged state anyway. 0 samples between resets
+            // count as 1.
             let resets =
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
@@ -225,6 +228,7 @@ impl Worker {
                 sensed.motion = scripts[index].place(sample, job.reset_every.is_none());
                 walker.observation.write(&sensed, past.row(index), |_, _| (), row);
             }
+            // All rows are kept, also those of scripts that are over: what is not recorded may be anything.
             past.take(&self.observation);
             policy.act_with(count, &self.observation, &mut memory, &mut self.action, &mut self.scratch);
             if policy.has_failed() {
@@ -236,6 +240,7 @@ impl Worker {
                     self.tracks[index].action.extend_from_slice(row);
                 }
             }
+            // A last step would move the robots to a state that no row holds.
             if sample + 1 == longest {
                 break;
             }
@@ -261,6 +266,7 @@ impl Script {
 
     /// The robot's place in the motion at `sample`. `back`: whether the robot was turned back at its start.
     fn place(&self, sample: usize, back: bool) -> MotionPlace {
+        // A script without a motion has no places, and a default one that nobody reads.
         let last = self.motion.len().saturating_sub(1);
         let place = self.motion.get(sample.min(last)).copied().unwrap_or_default();
         let heading = if back { place.heading - self.turned_back } else { place.heading };

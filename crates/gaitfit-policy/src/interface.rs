@@ -173,6 +173,7 @@ impl Interface {
     /// # Errors
     /// The first contradiction, with the field's name and what would be right.
     pub fn check(&self) -> Result<(), InterfaceError> {
+        // Names come first, because the messages below print them.
         self.check_names()?;
         let joints = self.joints.len();
         let per_joint = [
@@ -189,6 +190,7 @@ impl Interface {
                 )));
             }
             for (joint, &value) in self.joints.iter().zip(values) {
+                // A negative gain would push a joint away from its target; a pose or a scale may be negative.
                 let gain = name == "kp" || name == "kd";
                 if !(value.is_finite() && value.abs() <= LARGEST) || gain && value < 0.0 {
                     let kind = if gain { "a finite number, not negative" } else { "a finite number" };
@@ -197,6 +199,7 @@ impl Interface {
             }
         }
         self.check_velocity_joints()?;
+        // A joint with a velocity target acts through its kd alone.
         if self.kp.iter().all(|&kp| kp == 0.0) && self.velocity_joints.is_empty() {
             return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
         }
@@ -273,6 +276,8 @@ impl Interface {
         for name in &self.joints {
             check_name("joints", name)?;
         }
+        // Only equal names are found here. Names that differ by `_joint` are found on the model, in
+        // `resolve`.
         let twice = (1..joints).find(|&index| self.joints[..index].contains(&self.joints[index]));
         twice
             .map_or(Ok(()), |index| Err(InterfaceError(format!("joints names {} twice", self.joints[index]))))
@@ -326,6 +331,7 @@ impl Interface {
                     "history of {quantity} in {name} is {frames}; give 1 to {MAX_FRAMES} frames"
                 )));
             }
+            // In the order of terms each term has a block of its own, so histories may differ there.
             if self.history.order != FrameOrder::Terms && frames != terms[0].history {
                 return Err(InterfaceError(format!(
                     "history of {quantity} in {name} is {frames}, of {} {}; whole frames need the same of every term",
@@ -404,6 +410,7 @@ impl Interface {
         let (joints, angles): (Vec<usize>, Vec<f64>) = stated.unzip();
         let mut pose = vec![0.0; model.joints.len()];
         joints.iter().zip(angles).for_each(|(&joint, angle)| pose[joint] = angle);
+        // Joints that follow others take their angles from the stated ones.
         model.couple_others(&mut pose, &joints);
         Ok(pose)
     }
@@ -418,6 +425,7 @@ fn find(model: &Model, field: &str, name: &str) -> Result<usize, InterfaceError>
 
 fn check_name(field: &str, name: &str) -> Result<(), InterfaceError> {
     if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
+        // A refused name may be huge or hold control characters, which must not reach a terminal.
         let shown: String = name.chars().take(40).flat_map(char::escape_debug).collect();
         return Err(InterfaceError(format!(
             "{field}: `{shown}` is no name; give 1 to {LONGEST_NAME} printable bytes"
@@ -428,6 +436,7 @@ fn check_name(field: &str, name: &str) -> Result<(), InterfaceError> {
 
 fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
     match value {
+        // The negation also refuses NaN.
         Some(value) if !(value > 0.0 && value <= LARGEST) => {
             Err(InterfaceError(format!("{name} is {value}; give a positive number")))
         }

@@ -9,6 +9,7 @@ use crate::{Interface, InterfaceError, MotionPlace, Policy};
 /// Target of a joint, rad (rad/s where the target is a velocity, and the pose 0): `pose + scale · clamp(action, ± clip)`; not a number for such an action. Kernels are
 /// written from this.
 pub fn target<R: Real>(pose: R, scale: R, clip: R, action: R) -> R {
+    // Comparisons with NaN are false, so both choices pass it on.
     let above = R::select_lt(action, -clip, -clip, action);
     pose + scale * R::select_lt(clip, above, clip, above)
 }

@@ -75,6 +75,7 @@ impl Reference {
             .map(|joint| log.joint(joint).ok_or_else(|| lacks(joint)))
             .collect::<Result<_, _>>()?;
         let in_order = |values: &[f64]| -> Vec<f32> {
+            // A log without joints has no rows, and chunks of length 0 would panic.
             let rows = values.chunks_exact(log.joints.len().max(1));
             rows.flat_map(|row| places.iter().map(|&place| row[place] as f32)).collect()
         };
@@ -237,6 +238,7 @@ impl Follower {
         let moves = place >= 0.0 && place <= last as f64;
         let place = place.clamp(0.0, last as f64);
         let low = (place.floor() as usize).min(last);
+        // At the end of the motion both samples are the last one.
         ([low, (low + 1).min(last)], place - low as f64, moves)
     }
 
@@ -281,6 +283,7 @@ impl Follower {
     /// Orientation of the robot's anchor.
     fn anchor(&self, base: [f32; 4], joint_position: &[f32]) -> [f64; 4] {
         let base = normalize(base.map(f64::from));
+        // From the base on, each joint turns the frame in which the next one stands.
         self.anchor.iter().fold(base, |frame, &(joint, axis)| {
             product(frame, axis_angle(axis, f64::from(joint_position[joint])))
         })
@@ -300,6 +303,7 @@ impl Follower {
         let anchor = self.anchor(sensed.orientation, &sensed.joint_position);
         let relative = product(inverse(anchor), wanted);
         let matrix = gaitfit_model::rotation::matrix(relative);
+        // Two columns are enough: the third is their cross product.
         for (k, out) in out.iter_mut().enumerate() {
             *out = matrix[k / 2][k % 2] as f32;
         }

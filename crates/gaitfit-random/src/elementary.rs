@@ -54,6 +54,7 @@ pub(crate) fn ln(x: f64) -> f64 {
 /// error (x^18/18! ≈ 2e-18).
 #[inline(always)]
 pub(crate) fn cos_sin_turns(t: f64) -> (f64, f64) {
+    // Adding a half and cutting off rounds to the nearest quarter.
     let quarter = (4.0 * t + 0.5) as u32;
     let angle = TAU * (t - 0.25 * f64::from(quarter));
     let square = angle * angle;
@@ -66,6 +67,7 @@ pub(crate) fn cos_sin_turns(t: f64) -> (f64, f64) {
     // Quarter turns swap the two and change signs, without a branch: (c, s), (−s, c), (−c, −s), (s, −c).
     let swap = quarter % 2 == 1;
     let (x, y) = (if swap { sine } else { cosine }, if swap { cosine } else { sine });
+    // Bit 1 of the number, moved to bit 63, is the sign.
     let flip = |value: f64, flip: u32| f64::from_bits(value.to_bits() ^ (u64::from(flip & 2) << 62));
     (flip(x, quarter + 1), flip(y, quarter))
 }

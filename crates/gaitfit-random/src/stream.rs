@@ -132,6 +132,7 @@ impl Stream {
     fn uniform_pair(self, block: u32) -> [f64; 2] {
         const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
         let [w0, w1, w2, w3] = self.block(block);
+        // 53 bits are the precision of `f64`: each value is exact, and 1 is never reached.
         let join = |low: u32, high: u32| ((u64::from(high) << 32 | u64::from(low)) >> 11) as f64 * SCALE;
         [join(w0, w1), join(w2, w3)]
     }
@@ -150,6 +151,8 @@ impl Stream {
 /// A seed for sub-run `index` of a run: independent of the parent's draws and of every other index.
 #[inline]
 pub fn derive_seed(seed: u64, purpose: Purpose, index: u32) -> u64 {
+    // The purpose takes the environment's place; only seeds use `Purpose::SEED`, so no draw shares these
+    // blocks.
     let [low, high, _, _] = Stream::new(seed, Purpose::SEED).environment(purpose.0).step(index).block(0);
     u64::from(high) << 32 | u64::from(low)
 }

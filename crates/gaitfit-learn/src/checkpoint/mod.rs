@@ -120,6 +120,7 @@ impl Training<'_> {
     /// # Errors
     /// None that a state of this program should meet.
     pub fn save(&mut self, origin: &Origin, wall_seconds: f64) -> Result<Vec<u8>, CheckpointError> {
+        // safetensors holds numbers in little-endian order on every machine.
         let single =
             |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|value| value.to_le_bytes()).collect() };
         let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
@@ -203,6 +204,8 @@ impl Training<'_> {
             if view.dtype() != Dtype::F32 {
                 return Err(damaged(format!("tensor {name} is {:?}, not F32", view.dtype())));
             }
+            // `deserialize` has checked that a tensor's bytes are whole numbers of its type, so no bytes are
+            // left over.
             Ok(view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect())
         };
         // The learner checks all its tensors together before it changes, so they are read first.
@@ -250,6 +253,7 @@ impl Training<'_> {
             }
         }
         self.iteration = header.iteration;
+        // A training without a curriculum has written none, and reads none.
         self.growth = header.growth.unwrap_or_default();
         // The curriculum subtracts `last` from the iteration, both unsigned.
         if self.growth.last > self.iteration {

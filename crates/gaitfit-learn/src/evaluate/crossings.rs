@@ -67,6 +67,7 @@ pub fn crossings(
 pub fn crossing_size(task: &Task, robots: usize, speed: f64) -> (usize, u32) {
     let Some(course) = &task.course else { return (0, 0) };
     let settings = course.settings();
+    // From the middle of the cell to its edge is half of its size.
     let seconds = 3.0 * 0.5 * course.size() / speed + 1.0;
     let steps = (seconds / task.walker.interface.control_dt).ceil() as u32;
     (settings.levels * settings.columns * robots, steps)
@@ -86,6 +87,7 @@ fn tile(
         player.step(step)?;
         let places = &player.environment.motion().base_position;
         if recorder.take(step, |index| (player.ended[index], ground_place(&places[3 * index..]))) {
+            // Progress is counted against all periods, so those that are not simulated count as done.
             player.skip(steps - step);
             break;
         }
@@ -137,6 +139,7 @@ impl<'a> CrossingRecorder<'a> {
     /// A recorder for the robots of `environment`, which have not moved yet; `None` on flat ground.
     pub fn new(environment: &Environment<'a>) -> Option<Self> {
         let task = environment.task();
+        // On flat ground there is no recorder, so the default is never used.
         let cell = |index: usize| environment.cell(index).unwrap_or_default();
         let crossing = |index: usize| Crossing { cell: cell(index), ..Crossing::default() };
         let places = environment.motion().base_position.chunks_exact(3);
@@ -164,6 +167,7 @@ impl<'a> CrossingRecorder<'a> {
             // The place of a robot that diverged is not finite, so it is skipped above.
             let middle = self.course.middle(crossing.cell);
             crossing.distance = (x - self.starts[index][0]).hypot(y - self.starts[index][1]);
+            // Cells are squares along the axes, so the larger of the two coordinates decides.
             crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
         }
         self.crossings.iter().all(|one| one.crossed || one.fell)
@@ -207,6 +211,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
                 |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
             let column =
                 (0..settings.columns).find(|&column| place(Cell { level, column }) == (kind, direction));
+            // The kinds are those of the columns, so one of them is found.
             let cell = Cell { level, column: column.unwrap_or_default() };
             // A robot that took no step has gone 0 m in 0 s: its speed is 0.
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();

@@ -55,7 +55,9 @@ pub fn drift(
     threads: usize,
 ) -> Result<Vec<DriftTrial>, TaskError> {
     let one = |job: u32, _| {
+        // A job is one command on one tile of robots; commands change fastest, as `joined` expects.
         let (first, command) = (job as usize / TRIALS * TILE, job as usize % TRIALS);
+        // A recorder of every command is made, and this job takes its own.
         let recorder =
             DriftRecorder::all(subject.task, TILE.min(robots - first), speeds).swap_remove(command);
         Ok(vec![record(subject, first as u32, recorder)?])
@@ -118,6 +120,7 @@ pub fn ground_pose(position: &[f32], quaternion: &[f32]) -> [f64; 3] {
 }
 
 fn wrap(angle: f64) -> f64 {
+    // Full turns are taken off, so that the angle lies between −π and π.
     angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
 }
 
@@ -149,6 +152,7 @@ impl DriftRecorder {
         let limits = &task.settings.command;
         let [x, y, yaw] = match speeds {
             Some(speeds) => speeds.map(|speed| [-speed, speed]),
+            // Half of the range on either side: the two directions may have different limits.
             None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
         };
         let commands: [(&str, [f64; 3]); TRIALS] = [
@@ -188,6 +192,7 @@ impl DriftRecorder {
     /// this many steps at a time and looks at the command in between.
     pub fn command_period(&self) -> u32 {
         let [begin, end, last] = self.steps;
+        // From the longest on: the first that divides all three is the greatest common divisor.
         (1..=begin.max(1))
             .rev()
             .find(|&length| [begin, end, last].iter().all(|step| step % length == 0))
@@ -220,6 +225,7 @@ impl DriftRecorder {
                 self.starts[index] = pose;
             }
         }
+        // The path ends where the first robot falls.
         if step > begin && !self.fallen.first().copied().unwrap_or(true) {
             self.path.push(relative(self.starts[0], self.ends[0]));
         }
@@ -229,6 +235,7 @@ impl DriftRecorder {
     pub fn joined(recorders: Vec<Self>) -> Vec<DriftTrial> {
         let mut whole: Vec<Self> = Vec::with_capacity(TRIALS);
         for (number, lot) in recorders.into_iter().enumerate() {
+            // The first lot keeps its path: it has the first robot.
             if number < TRIALS {
                 whole.push(lot);
                 continue;

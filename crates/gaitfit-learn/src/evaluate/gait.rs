@@ -83,6 +83,7 @@ pub fn record_gait_on(
     environment.hold_command(0, [0.0; 3]);
     if let Some(cell) = cell {
         environment.put_on_level(0, cell.level);
+        // The robot was put elsewhere, so its motion is read again.
         environment.refresh();
     }
     let mut player = Player::new(subject, environment);
@@ -185,8 +186,10 @@ impl GaitRecord {
         let mut sum: Vec<f64> = Vec::new();
         let mut count = 0.0;
         for j in (0..joints).filter(|&j| wanted(&self.joints[j])) {
+            // Rows hold one torque a joint, so a joint's signal is every `joints`-th number.
             let signal: Vec<f64> = self.torque.iter().skip(j).step_by(joints).copied().collect();
             let (at, densities) = power_spectrum(&signal, 1.0 / self.dt);
+            // Too short, or not finite: the mean is over the other joints.
             if densities.is_empty() {
                 continue;
             }
@@ -215,6 +218,7 @@ impl GaitRecord {
             let max = groups.iter().flatten().max().map_or(0, |max| max + 1);
             for group in 0..max {
                 let members = || row.iter().zip(groups).filter(|(_, g)| **g == Some(group)).map(|(c, _)| *c);
+                // All feet of the group on the ground; only some of them, which is no alternation; none.
                 match (members().all(|c| c), members().any(|c| c)) {
                     (true, _) => full += 1,
                     (false, true) => mixed = true,
@@ -230,6 +234,7 @@ impl GaitRecord {
                     let height = |step: usize| self.foot_clearance[step * feet + foot];
                     // Back from the landing to the step in which the foot left the ground.
                     let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
+                    // The swing has one step at least, the one before the landing.
                     let top = swing.map(height).fold(f64::MIN, f64::max);
                     lifts.push(top - height(step));
                 }
@@ -239,6 +244,7 @@ impl GaitRecord {
             |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64;
         let joints = self.joints.len();
         let changes: Vec<f64> =
+            // The two sequences are shifted by one step: each change is that of one joint.
             self.action.iter().skip(joints).zip(&self.action).map(|(now, before)| now - before).collect();
         let (frequencies, densities) = self.torque_spectrum(|_| true);
         let power: f64 = densities.iter().sum();
@@ -247,6 +253,7 @@ impl GaitRecord {
         let steps = f64::max(walking.len() as f64, 1.0);
         GaitSummary {
             alternation: alternating / steps,
+            // A record without walking has neither landings nor feet to count: 0 over one period.
             step_frequency: landings / f64::max(gait_feet * self.dt, self.dt),
             duty_factor: on_ground / f64::max(gait_feet, 1.0),
             foot_lift: lifts.iter().fold(0.0, |sum, lift| sum + lift) / f64::max(lifts.len() as f64, 1.0),

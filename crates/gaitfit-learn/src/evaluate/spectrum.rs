@@ -15,6 +15,7 @@ const FEWEST: usize = 8;
 /// Segments with numbers that are not finite are left out; without a whole segment of at least 8 samples both lists
 /// are empty.
 pub fn power_spectrum(samples: &[f64], rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
+    // An even length, so that the highest bin lies at half the rate.
     let length = samples.len().min(SEGMENT) / 2 * 2;
     if length < FEWEST {
         return (Vec::new(), Vec::new());
@@ -22,6 +23,7 @@ pub fn power_spectrum(samples: &[f64], rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
     let half = length / 2;
     let turn = TAU / length as f64;
     let window: Vec<f64> = (0..length).map(|k| 0.5 - 0.5 * (turn * k as f64).cos()).collect();
+    // A window takes power away; dividing by the sum of its squares gives it back (Welch 1967).
     let norm = rate_hz * window.iter().map(|w| w * w).sum::<f64>();
     let mut densities = vec![0.0; half];
     let mut segments = 0.0;
@@ -35,6 +37,7 @@ pub fn power_spectrum(samples: &[f64], rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
         for (density, bin) in densities.iter_mut().zip(1..) {
             let (mut real, mut imaginary) = (0.0, 0.0);
             for (k, (sample, weight)) in segment.iter().zip(&window).enumerate() {
+                // Whole turns are taken off before the sine, which is exact for integers.
                 let (sin, cos) = (turn * (k * bin % length) as f64).sin_cos();
                 real += weight * (sample - mean) * cos;
                 imaginary += weight * (sample - mean) * sin;

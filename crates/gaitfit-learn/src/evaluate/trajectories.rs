@@ -87,6 +87,7 @@ pub fn trial_environments<'a>(
     count: usize,
 ) -> Result<Environment<'a>, TaskError> {
     let mut environment = Environment::new(subject.task, subject.candidate, subject.seed, first, count)?;
+    // The commands that were drawn are held, so that none is drawn anew on the way.
     let commands = environment.commands().to_vec();
     for (index, &command) in commands.iter().enumerate() {
         environment.hold_command(index, command);
@@ -147,6 +148,7 @@ impl Trials {
             trial.reward += f64::from(reward);
             trial.linear_velocity_error += f64::from(linear);
             trial.angular_velocity_error += f64::from(angular);
+            // Before the first step the last action is 0, so that step's change is the action itself.
             let change: f32 = action[index * joints..(index + 1) * joints]
                 .iter()
                 .zip(self.last_action.row(index))
@@ -160,6 +162,7 @@ impl Trials {
 
     /// Adds the distance of each robot's joints from its motion after a step (rad), where it follows one.
     pub fn take_motion(&mut self, error: impl Fn(usize) -> Option<f32>) {
+        // `take` came before, so the step of a fall is left out too.
         for (index, trial) in self.trials.iter_mut().enumerate().filter(|(_, trial)| !trial.fell) {
             let Some(error) = error(index) else { continue };
             *trial.motion_error.get_or_insert(0.0) += f64::from(error);

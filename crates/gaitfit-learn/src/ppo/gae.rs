@@ -42,6 +42,7 @@ pub(super) fn check_and_estimate(
     threads: usize,
 ) -> Result<(), SamplesError> {
     let mut outcomes = vec![Ok(()); tiles.len()];
+    // Workers need no memory of their own: they only set the number of threads.
     let mut workers = vec![(); threads.clamp(1, tiles.len().max(1))];
     let jobs = tiles.iter_mut().zip(&mut outcomes).enumerate();
     share(&mut workers, jobs, |(), (index, (tile, outcome))| {
@@ -69,6 +70,7 @@ pub(super) fn normalise_advantages(tiles: &mut [Samples]) {
 pub(super) fn explained_variance(tiles: &[Samples]) -> Option<f64> {
     let count = tiles.iter().map(Samples::rows).sum::<usize>() as f64;
     let pairs = || tiles.iter().flat_map(|tile| tile.returns.iter().zip(&tile.value));
+    // In two passes: the difference of mean square and squared mean would lose digits.
     let variance = |f: fn(f32, f32) -> f64| {
         let mean = pairs().map(|(&r, &v)| f(r, v)).sum::<f64>() / count;
         pairs().map(|(&r, &v)| (f(r, v) - mean).powi(2)).sum::<f64>() / count

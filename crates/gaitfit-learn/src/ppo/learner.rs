@@ -60,6 +60,7 @@ impl Learner {
         let (actor, critic) = settings.shapes(widths)?;
         // The numbers 0 to 3 keep the draws of the four parts apart.
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
+        // The critic's output is no action, so it is not made small.
         let critic = Network::random(critic, seed, 1, 1.0)?;
         let log_std = vec![settings.initial_std.ln() as f32; widths.action];
         let memories = match settings.memories(widths)? {

@@ -188,6 +188,7 @@ pub(super) fn value<T: Scalar>(
     sums: &mut Sums,
 ) {
     let clip = constants.clip;
+    // The derivative of the square is twice the error; coefficient and mean over the rows are constants.
     let factor = T::from_f64(2.0) * constants.value_coefficient * constants.weight;
     for row in 0..value.len() {
         let (old, target) = (targets.value[row], targets.returns[row]);

@@ -55,6 +55,7 @@ impl Gradients {
 
     /// Readies memory for `threads` workers, made by `worker`.
     pub(super) fn prepare(&mut self, threads: usize, worker: impl Fn() -> Worker<f32>) {
+        // A piece has two parts, so further threads would have no work.
         self.workers.resize_with(threads.clamp(1, 2 * PIECES), worker);
         self.prepare_pieces();
     }
@@ -170,6 +171,7 @@ fn parts<'a>(
 ) -> impl Iterator<Item = (&'a [Place], Part<'a>)> {
     let count = pieces.len();
     pieces.iter_mut().enumerate().flat_map(move |(index, piece)| {
+        // Cuts at equal shares: pieces differ by one place at most, and together they are all places.
         let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
         let Piece { gradient, sums, value_sums } = piece;
         let (of_actor, rest) = gradient.split_at_mut(actor_size);
@@ -185,6 +187,7 @@ fn parts<'a>(
 fn add_up<W: Send>(workers: &mut [W], pieces: &[Piece], total: &mut [f32]) -> Sums {
     share(workers, total.chunks_mut(SPAN).enumerate(), |_, (index, total)| {
         let range = index * SPAN..index * SPAN + total.len();
+        // The first piece overwrites what the last minibatch left, so nothing is cleared.
         total.copy_from_slice(&pieces[0].gradient[range.clone()]);
         for piece in &pieces[1..] {
             add_slices(total, &piece.gradient[range.clone()]);

@@ -28,6 +28,7 @@ pub(super) fn groups<'a>(tiles: &'a [Samples], places: &'a [Place]) -> impl Iter
         let steps = |place: &Place| tiles[place.tile as usize].steps;
         let first = steps(left.first()?);
         let same = left.iter().take_while(|place| steps(place) == first).count();
+        // As many environments as `ROWS` has room for, but one at least.
         let (group, rest) = left.split_at(same.min((ROWS / first.max(1)).max(1)));
         left = rest;
         Some(group)
@@ -52,6 +53,7 @@ pub(super) struct SequenceWorker<T> {
 impl<T: Scalar> SequenceWorker<T> {
     /// A worker for networks of these shapes and rollouts of up to `steps` steps.
     pub(super) fn new(actor: &Shape, critic: &Shape, steps: usize) -> Self {
+        // A single environment passes as a whole, so the tape must hold all its steps.
         let rows = steps.max(ROWS);
         Self {
             input: avec![],
@@ -174,6 +176,7 @@ impl SequenceWorker<f32> {
             let (source, width, _) = of(tile);
             copy(input, to, source, row, width, scale);
             // An episode that begins with the first step needs no mark: its memory before that step is zero.
+            // The same environment's step before lies `environments` rows earlier.
             begins.push(row.checked_sub(tile.environments).is_some_and(|before| tile.done[before] != 0.0));
         }
         [steps, places.len()]

@@ -246,6 +246,7 @@ impl Settings {
         self.check()?;
         let shape = |name, inputs, hidden: &[usize], outputs| {
             let shape = Shape { inputs, hidden: hidden.to_vec(), outputs, activation: self.activation };
+            // `check` has bounded every width, so the count does not overflow.
             if shape.parameters() <= MAX_PARAMETERS {
                 return Ok(shape);
             }

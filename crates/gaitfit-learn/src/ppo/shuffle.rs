@@ -20,6 +20,7 @@ pub(super) fn range(samples: usize, minibatches: usize, number: usize) -> Range<
 /// word × n (Lemire 2019, without rejection: the bias is below n/2³²).
 pub(super) fn deal(tiles: &[usize], minibatches: usize, seed: u64, iteration: u32, epoch: u32) -> Vec<Place> {
     let samples = tiles.iter().sum();
+    // The next free place of each minibatch in the result.
     let mut next: Vec<usize> =
         (0..minibatches).map(|number| range(samples, minibatches, number).start).collect();
     let mut cards = Vec::with_capacity(samples);

@@ -89,6 +89,7 @@ impl Learner {
             let places = shuffle::deal(&counts, minibatches, self.seed, iteration, epoch as u32);
             for minibatch in 0..minibatches {
                 let part = &places[shuffle::range(units, minibatches, minibatch)];
+                // Losses are means over samples, also where a minibatch is made of whole robots.
                 let rows = match remembers {
                     true => part.iter().map(|place| tiles[place.tile as usize].steps).sum(),
                     false => part.len(),
@@ -173,6 +174,7 @@ impl Learner {
         let norm = squares.iter().sum::<f64>().sqrt();
         // 1e-6 as in PyTorch's `clip_grad_norm_`: a gradient of zero divides by no zero.
         let factor = (self.settings.max_gradient_norm / (norm + 1e-6)).min(1.0);
+        // Before the step: of the policy that the losses were computed with.
         report.entropy += self.entropy();
         // Parameters that are not among the targets keep their values and their moments.
         let mut targets = Vec::new();
@@ -215,6 +217,7 @@ impl Learner {
         if !self.settings.normalise_observations {
             return;
         }
+        // In the order of the tiles, so that the sums do not depend on threads.
         for tile in tiles {
             if let Some(normaliser) = &mut self.normaliser {
                 normaliser.merge(&Normaliser::from_samples(self.widths.observation, &tile.observation));
@@ -233,6 +236,7 @@ impl Learner {
 fn weights<'a>(network: &'a Network, memory: &Option<Recurrent>) -> Weights<'a, f32> {
     let weights = match memory {
         None => Weights::new(&network.shape, &network.parameters),
+        // Behind a memory the derivative by the input is needed too: it goes back into the memory.
         Some(_) => Weights::behind_another(&network.shape, &network.parameters),
     };
     weights.with_output(network.output)

@@ -72,6 +72,7 @@ impl<T: Scalar> Worker<T> {
         tape.forward(&point.actor, rows, observation);
         let (mean, derivative) = tape.output(point.actor.shape, rows);
         loss::policy(&point.constants, targets, mean, derivative, of_log_std, sums);
+        // A sample whose ratio is clipped has no derivative, so the way back leaves it out.
         let active = tape.drop_idle(&point.actor, rows, observation);
         tape.backward(&point.actor, active, observation, gradient);
     }

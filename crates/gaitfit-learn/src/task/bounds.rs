@@ -31,6 +31,7 @@ impl Task {
             let [low, high] = range.unwrap_or([home - far, home + far]);
             let effort = joint.and_then(|joint| model.effort(joint)).filter(|effort| effort.is_finite());
             let kp = interface.kp[index];
+            // Without a range there is no end to press against, and without stiffness no target makes a torque.
             let beyond = effort.filter(|_| range.is_some() && kp > 0.0).map_or(0.0, |effort| effort / kp);
             let largest = interface.clip(index).min(LARGEST);
             // 0 / 0 where the scale is 0 and the target is home: such an action moves nothing.

@@ -67,6 +67,7 @@ pub(super) fn check_pose(model: &Model, pose: &[f64]) -> Result<(), TaskError> {
 /// Refuses a robot that does not fall down: postures, heights and feet are judged along z.
 pub(super) fn check_gravity(model: &Model) -> Result<(), TaskError> {
     let [x, y, z] = model.options.gravity;
+    // A millionth to the side is rounding.
     if z < 0.0 && x.abs().max(y.abs()) <= 1e-6 * z.abs() {
         return Ok(());
     }

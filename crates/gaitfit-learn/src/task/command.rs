@@ -18,6 +18,7 @@ pub(super) fn command(
     step: u32,
 ) -> [f32; 3] {
     let stream = Stream::new(seed, Purpose::COMMAND).environment(environment).step(step);
+    // The draws 0 to 2 are those of the three directions.
     if stream.uniform(3) < standing {
         return [0.0; 3];
     }
@@ -33,6 +34,7 @@ pub fn commands(
     seconds: f64,
 ) -> Vec<(f64, [f32; 3])> {
     let ranges = settings.ranges(1.0);
+    // A command lasts one control period at least.
     let period = (settings.seconds / control_dt).round().max(1.0) as u32;
     let last = (seconds / control_dt).round().max(1.0) as u32;
     let begins = (0..last).step_by(period as usize);

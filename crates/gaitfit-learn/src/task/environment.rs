@@ -261,6 +261,7 @@ impl<'a> Environment<'a> {
         let walker = &self.task.walker;
         let wanted = walker.observation.motion_position(self.motion_place(index).time)?;
         let angles = &self.motion.joint_position[index * walker.default_pose.len()..];
+        // The motion has angles of the policy's joints, the simulator of all the model's.
         let squares =
             walker.joints.iter().zip(&wanted).map(|(&joint, wanted)| (angles[joint] - wanted).powi(2));
         Some((squares.sum::<f32>() / wanted.len().max(1) as f32).sqrt())
@@ -327,6 +328,7 @@ impl<'a> Environment<'a> {
             let number = self.first + index as u32;
             // Robots are pushed at different times.
             // An episode's first period begins as the start's settings say, without a push.
+            // Neighbours' pushes lie 7 control periods apart, modulo the period.
             let due = step.wrapping_add(number.wrapping_mul(7)).is_multiple_of(period);
             if due && self.steps[index] > 0 {
                 let stream = Stream::new(self.seed, Purpose::PUSH).environment(number).step(step);
@@ -342,6 +344,7 @@ impl<'a> Environment<'a> {
         let geoms = task.walker.batch.contact_geoms().len();
         let dt = task.walker.interface.control_dt as f32;
         for (k, contact) in task.walker.feet.iter().enumerate() {
+            // A foot may have several geoms; their forces add up.
             let forces = &self.motion.normal_force[index * geoms..(index + 1) * geoms];
             let force: f32 = contact.geoms.iter().map(|&geom| forces[geom]).sum();
             let at = 3 * (index * feet + k);

@@ -81,6 +81,7 @@ impl<R: Real> BaseMoment<R> {
         posture: [R; 3],
     ) -> Self {
         let up = up(quaternion);
+        // Squares are compared, which spares a root.
         let standing = R::lit(STANDING) * R::lit(STANDING);
         Self {
             velocity: to_heading(quaternion, linear),

@@ -9,6 +9,7 @@ use super::command::within;
 
 /// Whether robots differ by chance at all.
 pub(super) fn varies(settings: &RandomisationSettings) -> bool {
+    // Taken apart field by field, so that a new setting cannot be forgotten here.
     let RandomisationSettings { base_mass, base_com, kp, kd, floor_friction, frictionloss, armature, delay } =
         settings;
     let ranges = [base_mass, kp, kd, floor_friction, frictionloss, armature, delay];

@@ -34,6 +34,7 @@ impl Environment<'_> {
     /// A state of another task, robot or batch.
     pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
         let past: usize = self.past.iter().map(Past::size).sum();
+        // A way has three numbers, see `Way::numbers`.
         let ways = 3 * self.ways.len();
         let width = 3 * self.command.len()
             + self.last_action.rows().len()

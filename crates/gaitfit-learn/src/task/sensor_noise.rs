@@ -19,6 +19,7 @@ pub(super) fn blocks(settings: &NoiseSettings, terms: &[Term], joints: usize) ->
     for term in terms {
         let width = term.quantity.width(joints);
         if settings.half_range(term.quantity) > 0.0 {
+            // Blocks go by the place in the row, so noise on one term does not change the draws of another.
             blocks.extend((place..place + width).step_by(4).map(|place| place as u32));
         }
         place += width;

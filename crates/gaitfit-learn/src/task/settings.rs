@@ -173,6 +173,7 @@ impl CommandSettings {
     /// The ranges at a share of the way from a curriculum's first to the final ones: forward, left, yaw rate.
     pub fn ranges(&self, level: f64) -> [Interval; 3] {
         let last = [self.x, self.y, self.yaw];
+        // At the end of the way the final ranges themselves, without the rounding of an interpolation.
         let Some(curriculum) = self.curriculum.as_ref().filter(|_| level < 1.0) else { return last };
         let first = [curriculum.x, curriculum.y, curriculum.yaw];
         std::array::from_fn(|k| {
@@ -290,6 +291,7 @@ impl TaskSettings {
     pub fn calm(&self) -> Self {
         let mut calm = self.clone();
         calm.noise.half_ranges.values_mut().for_each(|half_range| *half_range = 0.0);
+        // All fields are named, so that a new one cannot be left on by mistake.
         calm.randomisation = RandomisationSettings {
             base_mass: [0.0; 2],
             base_com: 0.0,

@@ -117,6 +117,7 @@ impl Task {
             substeps: settings.substeps,
             preset,
             emulated_step: settings.robot_timestep,
+            // Random delays come on top of the robot's own.
             max_delay: max_delay + settings.randomisation.delay[1],
             feet: settings.feet.clone(),
             posture: settings.posture,
@@ -186,6 +187,7 @@ impl Task {
         if !weight.is_finite() {
             return refuse("rewards", format!("gives `{name}` the weight {weight}"));
         }
+        // A step pays for its time, so that sums do not depend on the control period.
         let weight = (weight * self.walker.interface.control_dt) as f32;
         self.rewards.push(WeightedTerm { name: name.to_owned(), weight, value: Value::Own(Box::new(value)) });
         Ok(self)
@@ -298,6 +300,7 @@ fn on_terrain(
     let (course, field) = Course::new(terrain)?;
     for pair in model.pairs.iter().filter(|pair| matches!(pair.ground, Ground::Plane(_))) {
         let geom = &model.geoms[pair.geom];
+        // Settings name a foot by its geom or by its body.
         let of_body = |foot: &String| *foot == geom.name || *foot == model.bodies[geom.body].name;
         if !settings.feet.iter().any(of_body) {
             continue;

@@ -26,6 +26,7 @@ impl UserTerms {
         reward: &mut [f32],
         ended: &mut [Ended],
     ) -> bool {
+        // Noted before the call, because the function may change the ends.
         let diverged: Vec<usize> =
             ended.iter().enumerate().filter(|(_, end)| **end == Ended::Diverged).map(|(at, _)| at).collect();
         let done = (self.0)(environment, reward, ended);

@@ -21,6 +21,7 @@ impl Spans {
     pub fn new<K>(model: &Model, links: &[Link<K>]) -> Self {
         let mut spans = Self { near: Vec::new(), distant: Vec::new() };
         for coupling in &model.couplings {
+            // A coupling without a leader holds its follower at a place, so its span is that one joint.
             let leader = coupling.leader.unwrap_or(coupling.follower);
             let mut span = coupling.follower.min(leader)..=coupling.follower.max(leader);
             let overlaps =

@@ -47,6 +47,7 @@ separate! {
             let mut slope = T::zero();
             if let Some(leader) = coupling.leader {
                 let x = moved(leader);
+                // The constant term is part of the gap already, and the slope does not need it.
                 let [_, linear, square, cube, fourth] = coupling.polynomial.map(|c| T::k(c));
                 gap = x.fnma(x.fma(x.fma(x.fma(fourth, cube), square), linear), gap);
                 let [square, cube, fourth] = [T::lit(2.0) * square, T::lit(3.0) * cube, T::lit(4.0) * fourth];
@@ -59,6 +60,7 @@ separate! {
             }
             let reference = &coupling.reference;
             let imp = impedance(&coupling.impedance, gap);
+            // MuJoCo's D is d / ((1 − d) · invweight), and `weight` is the reciprocal of the inverse weight.
             let d = imp * weight * T::k(reference.gain) * (T::lit(1.0) - imp).recip();
             let bias = T::k(reference.b).fma(velocity, T::k(reference.k) * imp * gap);
             work.couplings[index] = CouplingWork { d, bias, slope };
@@ -138,6 +140,8 @@ separate! {
             let step = along_row(coupling, row, |joint| work.joints[joint].step);
             let now = along_row(coupling, row, |joint| state.qacc[joint]) + row.bias;
             let curve = row.d * step;
+            // The row acts at both signs of the residual, so its cost is one parabola without a case
+            // distinction.
             g.0 = curve.fma(alpha.fma(step, now), g.0);
             g.1 = curve.fma(step, g.1);
         }

@@ -25,6 +25,7 @@ lane_type! {
         }
         #[inline(always)]
         fn select_lt(a: Self, b: Self, x: Self, y: Self) -> Self {
+            // The comparison is false for NaN, so such lanes take the second number.
             Self(intrinsic!(_mm256_blendv_ps(y.0, x.0, _mm256_cmp_ps::<_CMP_LT_OQ>(a.0, b.0))))
         }
         #[inline(always)]

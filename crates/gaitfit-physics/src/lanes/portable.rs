@@ -64,6 +64,7 @@ impl Neg for Portable {
 /// Nearest whole number for |x| < 2²², without the library call that SSE2 would need.
 #[inline(always)]
 fn round(x: Portable) -> Portable {
+    // 1.5 · 2²³: about this number neighbours of single precision are 1 apart, for both signs of x.
     const MAGIC: f32 = 12_582_912.0;
     each!(i => (x.0[i] + MAGIC) - MAGIC)
 }
@@ -118,6 +119,7 @@ impl Real for Portable {
     }
     #[inline(always)]
     fn min(self, b: Self) -> Self {
+        // As x86's vector instructions: the second number where one is NaN.
         each!(i => if self.0[i] < b.0[i] { self.0[i] } else { b.0[i] })
     }
     #[inline(always)]

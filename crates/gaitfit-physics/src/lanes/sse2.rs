@@ -18,6 +18,7 @@ lane_type! {
     Real {
         #[inline(always)]
         fn fma(self, b: Self, c: Self) -> Self {
+            // SSE2 has no fused multiply-add: two roundings.
             self * b + c
         }
         #[inline(always)]

@@ -85,6 +85,7 @@ impl<K: Copy> Modify<K> for Gears {
             // nothing.
             let controlled = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
             let damping = p.damping + controlled + drive.resistance;
+            // A rotor without inertia and damping would have no impedance, and an infinite mobility below.
             let impedance =
                 T::lit(later).fma(damping, p.armature.max(T::lit(ROTOR)) * T::lit(1.0 / settings.timestep));
             let effort = impedance.fma(velocity, p.damping.fnma(velocity, torque));
@@ -106,6 +107,8 @@ impl<K: Copy> Modify<K> for Gears {
             let rubbed = pushed.clamp(-friction, friction);
             // A rotor that friction holds gives the spring a fixed end.
             let slips = |slip, stick| T::select_lt(pushed.abs(), friction, stick, slip);
+            // Motor and spring solved together: the motor's velocity drops out, and the torque is linear in the
+            // link's.
             let share = grip.div(sum);
             let driven = effort - rubbed;
             let torque_slip = share.fma(driven, (T::lit(1.0) - share) * spring);
@@ -141,6 +144,7 @@ impl<K: Copy> Modify<K> for Gears {
             // τ = α − β v', with the link's velocity after the step.
             let torque = gear.resistance.fnma(state.qvel[j], gear.torque);
             let velocity = gear.mobility.fnma(torque, gear.rate);
+            // Mean over the step: the next step's prediction of the link's velocity adds the offset from it.
             let acceleration = (velocity - gear.motor[1]) * T::lit(1.0 / settings.timestep);
             let angle = h.fma(velocity, gear.motor[0]);
             memory[MEMORY * j] = state.qpos[j] - angle;

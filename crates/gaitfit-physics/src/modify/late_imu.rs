@@ -63,6 +63,7 @@ impl<K: Copy> Modify<K> for LateImu {
             if period + 1 == IMU_PERIODS {
                 part.fill(T::zero());
             }
+            // Physics steps until the reading is taken; `release` counts them down.
             part[IMU_READING] = T::lit(((period + 1) * substeps) as f64);
         }
     }

@@ -44,6 +44,7 @@ impl<K: Copy> JointNetwork<K> {
         let mut folded = *weights;
         let width = HIDDEN[0];
         for input in 0..INPUTS {
+            // Inputs alternate between angle and velocity.
             let position = input % 2 == 0;
             for unit in 0..width {
                 let weight = &mut folded[input * width + unit];
@@ -113,6 +114,7 @@ impl<K: Copy> JointNetwork<K> {
     #[inline(always)]
     pub(super) fn advance<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) -> T {
         let x = self.inputs(params, state, past);
+        // The sample now and the one before it stay; the oldest drops out.
         past.copy_from_slice(&x[..PAST]);
         self.evaluate(&x).2
     }

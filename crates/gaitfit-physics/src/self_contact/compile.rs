@@ -44,6 +44,7 @@ pub(crate) fn compile<T: Real>(
     }
     let home = |link: usize| segments.iter().position(|s| (s.first..s.first + s.len).contains(&link));
     for link in 1..links.len() {
+        // Every link but the root is in a segment, so the 0 is never taken.
         let segment = home(link).unwrap_or(0);
         contacts.homes.push((segment, link - segments[segment].first));
     }
@@ -53,6 +54,7 @@ pub(crate) fn compile<T: Real>(
     for pair in &model.self_pairs {
         let ends = [0, 1].map(|side| seats[pair.geoms[side].body]);
         for seat in &ends {
+            // A link that touches the ground has its place already.
             if links[seat.link].touching.is_none() {
                 links[seat.link].touching = Some(touching.len());
                 touching.push((seat.link, home(seat.link).filter(|_| seat.link > 0)));
@@ -79,6 +81,7 @@ pub(crate) fn compile<T: Real>(
         |coupling: &Coupling<T::K>| coupling.leader.into_iter().chain([coupling.follower]).collect();
     let of_contacts = contacts.pairs.iter().map(of_pair);
     let coupled: Vec<Vec<usize>> = of_contacts.chain(distant.iter().map(of_coupling)).collect();
+    // Joint i − 1 moves link i, and the root has no joint.
     let parents: Vec<Option<usize>> = links[1..].iter().map(|link| link.parent.checked_sub(1)).collect();
     contacts.sparsity = Sparsity::new(&parents, model.root == Root::Floating, &coupled);
     Ok(contacts)
@@ -165,6 +168,7 @@ fn compile_pair<T: Real>(
     let separate = elliptic && pair.solreffriction != [0.0; 2];
     // MuJoCo reads zeros as the reference of the normal.
     let friction_ref = if separate { pair.solreffriction } else { pair.solref };
+    // A negative margin makes contacts later, but the shapes' own reach is bound enough.
     let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
     Ok(SelfContactPair {
         shapes,

@@ -170,6 +170,7 @@ impl<T: Real> SelfContactWork<T> {
             weights: vec![z; contacts.weights],
             touching: T::never(),
             torque: vec![z; some(joints)],
+            // Room for a full lower triangle, the largest pattern that there can be.
             matrix: vec![z; n * (n + 1) / 2],
             row: vec![z; n],
             change: vec![z; n],

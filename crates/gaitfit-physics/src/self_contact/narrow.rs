@@ -70,6 +70,7 @@ pub(crate) fn spots<T: Real>(
         (Form::Ball, Form::Block(axes, half)) => {
             [ball_box(centers, &poses[1].rotation, axes, half, radii[0]); MAX_POINTS]
         }
+        // Two balls; `compile_pair` refuses all other pairs.
         _ => [balls(centers[0], centers[1], radii); MAX_POINTS],
     }
 }
@@ -81,6 +82,7 @@ fn balls<T: Real>(a: V3<T>, b: V3<T>, radii: [T; 2]) -> Spot<T> {
     let between = sub(b, a);
     let length = dot(between, between).sqrt();
     let by = one.div(length.max(tiny));
+    // Centres in one place have no direction: x stands for it, as in MuJoCo.
     let none = [one, zero, zero];
     let normal = each3!(i => T::select_lt(length, tiny, none[i], by * between[i]));
     let distance = length - radii[0] - radii[1];
@@ -138,6 +140,7 @@ fn rods<T: Real>(
     let by = one.div(T::select_lt(parallel, tiny, one, det));
     let x1 = r.mb.fnma(r.v, r.mc * r.u) * by;
     let x2 = r.mb.fnma(r.u, r.ma * r.v) * by;
+    // 1 where the point lies beyond the end of its rod, else 0: lanes have no booleans.
     let over1 = T::select_lt(one, x1.abs(), one, T::zero());
     let x1 = x1.clamp(-one, one);
     let x2 = T::select_lt(T::zero(), over1, r.mb.fnma(x1, r.v).div(r.mc), x2);
@@ -184,8 +187,11 @@ fn ball_box<T: Real>(
     radius: T,
 ) -> Spot<T> {
     let axes: M3<T> = each3!(i => rotate_k_add(rotation, &axes[i], zero3()));
+    // The rows of `axes` are the box's axes, so this is the ball's centre in the box's frame.
     let local = rotate(&axes, sub(centers[0], centers[1]));
     let (distance, outward) = nearest_of_box(local, k3::<T>(half));
+    // `outward` leads from the box to the ball; a pair's normal leads from its first shape, the ball, to the
+    // second.
     let normal = scale(T::lit(-1.0), rotate_back(&axes, outward));
     let distance = distance - radius;
     Spot { distance, x: axpy(T::lit(0.5).fma(distance, radius), normal, centers[0]), normal }

@@ -75,6 +75,7 @@ fn point<T: Real>(
     let joints = &tree.self_contact.joints[pair.joints.clone()];
     let count = joints.len();
     let start = pair.rows + number * pair.dims * count;
+    // Joints that carry both links, and the base, move both points alike: they are not among `joints`.
     let (mut v, mut a) = ([T::zero(); 6], [T::zero(); 6]);
     for (place, contacts) in joints.iter().enumerate() {
         let (segment, member) = tree.self_contact.homes[contacts.joint];

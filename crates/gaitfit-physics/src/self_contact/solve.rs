@@ -18,6 +18,7 @@ use crate::tree::Tree;
 separate! {
     /// Forces and Hessians of the contacts at their residuals, and the torques of them and of distant couplings on the joints.
     pub(crate) fn terms<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
+        // Distant couplings act also where nothing touches, so the torques are set in any case.
         for torque in &mut work.self_contact.torque {
             *torque = T::zero();
         }
@@ -171,12 +172,15 @@ fn point_step<T: Real>(
 fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
     let joints = tree.joints();
     let sparsity = &tree.self_contact.sparsity;
+    // Only these elements are read: the others are zero in the factor too.
     for place in sparsity.places() {
         work.self_contact.matrix[place] = T::zero();
     }
     for carried in &mut work.self_contact.carried {
         *carried = Articulated::zero();
     }
+    // A node's rigid inertia is that of the segments that hang on it; links within a segment are in its mass
+    // matrix.
     for (node, &link) in work.nodes.iter().zip(&tree.nodes) {
         work.self_contact.carried[link] = Articulated::from_rigid(&node.rigid);
     }
@@ -218,6 +222,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         // For joints further in, the segment's own links count as well.
         let force = add6(force, segment.force[member]);
         let mut outer = tree.links[first].parent;
+        // Along the chain of links to the root: only joints that carry this one have an element with it.
         while outer > 0 {
             let (home, member) = tree.self_contact.homes[outer - 1];
             let inner = dot6(work.segments[home].axis[member], force);
@@ -245,6 +250,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
             let mut unit: V6<T> = zero6();
             unit[k / 3][k % 3] = T::lit(1.0);
             let force = root.mul(unit);
+            // The lower triangle is all that the factorisation reads.
             for i in k..6 {
                 work.self_contact.matrix[sparsity.bases(i, k)] = force[i / 3][i % 3];
             }
@@ -338,6 +344,7 @@ fn solve<T: Real>(sparsity: &Sparsity, work: &mut Work<T>) {
             contacts.matrix[at(j, k)] = lower;
         }
     }
+    // Back substitution with D⁻¹ and Lᵀ: each unknown needs those that were eliminated after it.
     for (k, below) in sparsity.columns().rev() {
         let mut x = contacts.matrix[at(k, k)] * contacts.change[k];
         for &j in below {
@@ -398,6 +405,7 @@ separate! {
             let before = (g, *kinks);
             for point in &work.self_contact.points[pair.points.clone()] {
                 if pair.condim == 1 {
+                    // Without friction: the normal alone, a parabola where it presses.
                     let j = alpha.fma(point.step[0], point.residual[0]);
                     let push = T::select_lt(j, T::zero(), point.d * point.step[0], T::zero());
                     g = (push.fma(j, g.0), push.fma(point.step[0], g.1));

@@ -194,6 +194,7 @@ pub fn record_period_with(
         outputs.extend((0..memory.len()).map(Output::Memory));
         all.extend(memory);
         let corrected = modifications.iter().any(|one| matches!(one, JointModification::ActionDelta(_)));
+        // With one tap no later period reads an older target, so nobody needs the corrected one.
         let observed = if corrected && taps > 1 { 0..joints } else { 0..0 };
         outputs.extend(observed.clone().map(|joint| Output::Target { joint }));
         all.extend_from_slice(&targets[observed]);
@@ -219,6 +220,7 @@ fn before(period: &mut Period<'_, Traced>, clock: Traced, disturbance: &[Traced]
 
 #[inline(never)]
 fn iterate(period: &mut Period<'_, Traced>) {
+    // One recording serves all turns of the loop, so no turn may leave out what a further one reads.
     phase::iterate(period, false);
 }
 
@@ -272,6 +274,7 @@ fn show(period: &Period<'_, Traced>, report: &Report, forces: &[Traced], shown: 
     for &pair in &report.tracked {
         let center = period.work.pair_center(period.tree, pair);
         for k in 0..3 {
+            // The step moved the base by h times its new velocity: taken off, its place at the start is left.
             all.push(h.fnma(period.state.base_linear[k], period.state.base_position[k]) + center[k]);
         }
     }

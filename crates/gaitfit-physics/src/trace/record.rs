@@ -109,6 +109,7 @@ pub(super) fn call(
     function: impl FnOnce([Traced; 3]) -> [Traced; 4],
 ) -> [Traced; 4] {
     let known = RECORDING.with_borrow(|recording| recording.functions.get(&key).copied());
+    // Outside of the borrow: recording the function borrows this thread's recording itself.
     let recorded = known.is_none().then(|| record(|| function(std::array::from_fn(|_| input())).to_vec()));
     RECORDING.with_borrow_mut(|recording| {
         let place = known.unwrap_or_else(|| recording.function(key, recorded));
@@ -150,6 +151,7 @@ impl Recording {
             Known::Number(_) => None,
         };
         let values: Option<Vec<f64>> = table.iter().map(value).collect();
+        // The recording goes on with an empty table, and the error is told at its end.
         if values.is_none() {
             self.fail(TraceError::Table);
         }
@@ -208,6 +210,7 @@ impl Recording {
             self.check(&node.operands().collect::<Vec<_>>());
         }
         let known = self.known.get(&node).into_iter().flatten();
+        // The same operation may stand in a region that is closed: its node has no value here.
         if let Some(&id) = known.rev().find(|id| self.scopes[id.0 as usize].is_subset(&self.scope)) {
             return id;
         }
@@ -243,6 +246,7 @@ impl Recording {
 
     fn begin_loop(&mut self, count: usize, carried: Vec<&mut Traced>) -> u32 {
         let index = self.graph.regions.len() as u32;
+        // The value at a turn's end is not known yet; `end_loop` sets it.
         let firsts = carried.iter().map(|number| Carried { first: number.0, next: number.0 }).collect();
         self.open(RegionKind::Loop { count, carried: firsts }, Needs::Loop(index));
         for (place, number) in carried.into_iter().enumerate() {
@@ -271,6 +275,7 @@ impl Recording {
         for (place, (number, carried)) in numbers.into_iter().zip(&mut carried).enumerate() {
             let first = self.scopes[carried.first.0 as usize].clone();
             let next = number.0;
+            // A number from an inner region that was not merged has no value at the end of the turn.
             if !self.scopes[next.0 as usize]
                 .iter()
                 .all(|needs| inner.contains(needs) || first.contains(needs))

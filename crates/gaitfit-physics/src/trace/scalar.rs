@@ -137,6 +137,7 @@ impl Real for Traced {
     }
     fn merge(self, guard: Guard, before: Self) -> Self {
         match guard.0 {
+            // A region that changed nothing needs no node.
             Some(_) if self == before => before,
             Some(id) => node(Node::Merge(id, self.0, before.0)),
             None => before,

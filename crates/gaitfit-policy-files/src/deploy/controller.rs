@@ -62,6 +62,7 @@ pub(super) fn write(
          controller that plays a network"
             .to_owned(),
     );
+    // `dyn`, because the two lists of names come from different iterators.
     let names = |of: &mut dyn Iterator<Item = &String>| list(of.map(|name| quoted(name)));
     let of_held = &interface.held;
     render(
@@ -95,6 +96,7 @@ pub(super) fn write(
             widths: list(terms.iter().map(|term| term.quantity.width(joints))),
             first: list(layout.slots().iter().map(|slot| slot.present.start)),
             history: list(terms.iter().map(|term| term.history)),
+            // A term may have one factor for all its numbers; the file lists one for each.
             scale: numbers(terms.iter().flat_map(|term| scale_of(policy, term))),
             order: match interface.history.order {
                 FrameOrder::Terms => "terms",

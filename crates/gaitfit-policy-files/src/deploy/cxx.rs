@@ -115,6 +115,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
             let layers = recurrent.layers.iter().map(|layer| remembering(layer, gates));
             (Some(recurrent.cell.name()), layers.collect())
         }
+        // An encoder has no memory, and `two_part` writes it. Other fronts were refused above.
         _ => (None, Vec::new()),
     };
     let page = Page {
@@ -141,6 +142,7 @@ pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String,
         has_past: layout.frames() > 1,
         zeros: interface.history.start == HistoryStart::Zeros,
         unmeasured: unmeasured(&layout),
+        // Factor and offset save the robot the square root and the division.
         normaliser: policy.normaliser.as_ref().map(|normaliser| {
             let (factor, offset): (Vec<f32>, Vec<f32>) = normaliser.scale().into_iter().unzip();
             [factor, offset].map(|values| array(&values))

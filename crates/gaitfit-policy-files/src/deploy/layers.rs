@@ -77,6 +77,7 @@ pub(super) fn perceptron(name: &'static str, network: &Network) -> Perceptron {
         inputs: network.shape.inputs,
         outputs: network.shape.outputs,
         layers: layers.iter().enumerate().map(layer).collect(),
+        // A network of one layer never calls it.
         hidden: (last > 0).then(|| body(network.shape.activation)),
         output: network.output.map(body),
     }
@@ -121,6 +122,7 @@ fn body(function: Activation) -> String {
         }
         Activation::Silu => "return x / (1.0f + exponential(-x));".to_owned(),
         Activation::Gelu => {
+            // 1 + erf(x) loses digits where x is negative; double precision leaves enough of them.
             let root = number(std::f64::consts::FRAC_1_SQRT_2);
             format!("return static_cast<float>(0.5 * x * (1.0 + std::erf(x * {root})));")
         }

@@ -135,6 +135,7 @@ fn efforts(
         }
         efforts
     };
+    // Without held joints there is nothing to report as missing.
     Ok(Efforts { moved: limits(&joints), held: if held.is_empty() { None } else { limits(&held) } })
 }
 

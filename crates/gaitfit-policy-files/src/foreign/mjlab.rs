@@ -166,6 +166,7 @@ impl Terms {
         if let Some(lengths) = self.lists(entries, "observation_terms_history_length")? {
             let length = |numbers: &Vec<f64>| match numbers.first().copied().unwrap_or(0.0) {
                 length if (0.0..=MAX_HISTORY).contains(&length) && length.fract() == 0.0 => {
+                    // 0 stands for a term without a history: the present frame alone.
                     Ok((length as usize).max(1))
                 }
                 length => Err(invalid(format!(

@@ -100,6 +100,7 @@ pub(crate) fn with_joints<'a>(joints: impl Iterator<Item = &'a str> + Clone) -> 
         robots().into_iter().filter(|(_, places)| has(places)).collect();
     match robots_with_joints.iter().position(|(_, places)| motors(places) == count) {
         Some(exact) => Some(robots_with_joints.swap_remove(exact)),
+        // Robots are listed from the smallest on, so the last one has the most motors.
         None => robots_with_joints.pop(),
     }
 }

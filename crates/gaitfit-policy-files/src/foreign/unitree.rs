@@ -108,6 +108,7 @@ impl Numbers {
 /// The file that belongs to a policy: beside it, in `params` beside it, or in `params` beside its folder.
 pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
     let folder = policy.parent()?;
+    // A bare file name has an empty folder, which is the working directory: the folder above it is `..`.
     let outer = if folder.as_os_str().is_empty() { Path::new("..").to_owned() } else { folder.join("..") };
     [folder.join("deploy.yaml"), folder.join("params/deploy.yaml"), outer.join("params/deploy.yaml")]
         .into_iter()
@@ -118,6 +119,7 @@ pub(crate) fn beside(policy: &Path) -> Option<PathBuf> {
 pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
     let deploy: Deploy = serde_saphyr::from_str(text).map_err(|error| unreadable(&error.to_string()))?;
     let count = deploy.joint_ids_map.len();
+    // Gains are listed for every place of the SDK, so their number tells which robot it is.
     let slots = deploy.stiffness.len();
     if count == 0 {
         return Err(invalid("joint_ids_map is empty"));
@@ -143,6 +145,7 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
              a TOML file with `joints` (docs/policies.md)"
         )));
     };
+    // A place without a motor has an empty name: a policy that moves it is of another robot.
     let joints: Option<Vec<String>> = deploy
         .joint_ids_map
         .iter()
@@ -270,6 +273,7 @@ fn term(name: &str, settings: &Term, joints: usize) -> Result<toml::Value, Polic
     if let Some(clip) = settings.clip.as_ref().filter(|clip| !is_far(clip)) {
         return Err(invalid(format!("`{name}` is clipped to {clip:?}, which is not known here")));
     }
+    // A length of 0 is a term without a history: the present frame alone.
     let history = settings.history_length.unwrap_or(1).max(1);
     if history > MAX_FRAMES {
         return Err(invalid(format!("`{name}` has a history of {history} frames; at most {MAX_FRAMES}")));

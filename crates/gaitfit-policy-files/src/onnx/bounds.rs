@@ -18,6 +18,7 @@ impl Bounds {
     /// x ↦ max(low, min(x, high)); `low` is at most `high`.
     pub fn narrow(&mut self, low: f64, high: f64) {
         for bound in &mut self.0 {
+            // The bounds go through the clip as the numbers themselves do.
             *bound = bound.map(|limit| limit.max(low).min(high));
         }
     }

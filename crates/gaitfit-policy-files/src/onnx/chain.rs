@@ -193,6 +193,8 @@ impl Chain {
         }
         // A further layer shows that the activation before it is that of a hidden layer.
         self.activation = self.last.take().or(self.activation);
+        // A normaliser before the first layer becomes part of it, so their widths must agree; one number
+        // serves all.
         if let (true, None, Some(before)) = (self.layers.is_empty(), &self.memory, &self.before) {
             let width = before.factor.len();
             if width != 1 && width != layer.inputs {

@@ -131,6 +131,7 @@ impl Constant {
 pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
     match (operator, inputs) {
         ("ConstantOfShape", [shape]) => {
+            // A negative length saturates to 0.
             let dims: Vec<usize> = shape.values.iter().map(|&length| length as usize).collect();
             let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
             let value = attributes.tensor("value").and_then(|value| value.as_scalar()).unwrap_or(0.0);

@@ -50,6 +50,7 @@ pub(super) fn place(tensor: &Tensor) -> Result<Option<Place>, PolicyError> {
             "location" => place.file = PathBuf::from(&entry.value),
             "offset" => place.offset = number()?,
             "length" => place.length = Some(number()?),
+            // ONNX also has a `checksum` here, which is not needed.
             _ => {}
         }
     }
@@ -110,6 +111,7 @@ impl<'a> Beside<'a> {
             self.files.insert(file.clone(), content);
         }
         let all = self.files.get(&file).map_or(&[][..], Vec::as_slice);
+        // Without a length the tensor takes the file to its end.
         let end = length.map_or(Some(all.len()), |length| offset.checked_add(length));
         let Some(found) = end.and_then(|end| all.get(offset..end)) else {
             return Err(invalid(format!(
@@ -125,6 +127,7 @@ impl<'a> Beside<'a> {
                 MAX_BYTES >> 20
             )));
         }
+        // From here on the tensor is like one that the graph's own file holds.
         tensor.raw_data = found.to_vec();
         tensor.data_location = 0;
         Ok(())

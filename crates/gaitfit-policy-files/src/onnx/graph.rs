@@ -251,6 +251,7 @@ impl Walk {
             self.apply(node, &inputs, &attributes)?;
         }
         self.head = output;
+        // Parts were of the value before.
         self.parts.clear();
         Ok(())
     }
@@ -271,7 +272,9 @@ impl Walk {
         let one = Constant::scalar(1.0);
         let zero = Constant::scalar(0.0);
         match (node.op_type.as_str(), first) {
+            // Dropout does nothing outside a training.
             ("Identity" | "Dropout", true) => Ok(()),
+            // Rows have one axis besides the first, so this leaves them as they are.
             ("Flatten", true) if attributes.integer("axis", 1) == 1 => Ok(()),
             ("Cast", true) if attributes.integer("to", 0) == i64::from(FLOAT) => Ok(()),
             ("Reshape", true) => {
@@ -289,6 +292,7 @@ impl Walk {
                     Err(unread(format!("its alpha and gamma are {stated:?}; only SELU's own are read")))
                 }
             },
+            // ONNX has a factor on x within the sigmoid; only with 1 it is SiLU.
             ("Silu" | "Swish", true) if attributes.number("alpha", 1.0) == 1.0 => {
                 self.chain.activate(Activation::Silu)
             }
@@ -297,6 +301,7 @@ impl Walk {
                 b"tanh" => Activation::GeluTanh,
                 _ => Activation::Gelu,
             }),
+            // Rows have two axes, so both numbers name the last one.
             ("LayerNormalization", true) if matches!(attributes.integer("axis", -1), -1 | 1) => {
                 let norm = self.layer_norm(inputs, attributes)?;
                 self.chain.norm(norm)

@@ -116,6 +116,7 @@ pub(super) fn read_graph(
     output: Option<&str>,
 ) -> Result<Found, PolicyError> {
     let model = graph::decode(bytes, Some(folder))?;
+    // A description that names inputs or an output means a graph: a perceptron has one of each.
     if inputs.is_empty() && output.is_none() {
         match graph::walk(&model).and_then(|chain| chain.read(None)) {
             Ok(read) => return Ok(Found::Layers(read)),

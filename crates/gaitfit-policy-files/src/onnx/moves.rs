@@ -37,6 +37,7 @@ pub(super) fn moved(
             let axes = axes(inputs, attributes)?;
             let many = first.dims.len() + axes.len();
             let axes: Vec<usize> = axes.into_iter().map(|one| axis(one, many)).collect::<Option<_>>()?;
+            // Places that are not new take the old lengths in their order.
             let mut old = first.dims.iter();
             let dims =
                 (0..many).map(|place| if axes.contains(&place) { Some(1) } else { old.next().copied() });
@@ -46,6 +47,7 @@ pub(super) fn moved(
             let many = first.dims.len();
             let listed = axes(inputs, attributes).unwrap_or_default();
             let gone: Vec<usize> = listed.into_iter().map(|one| axis(one, many)).collect::<Option<_>>()?;
+            // Without a list, all axes of length one go.
             let stays = |place: usize, length: usize| match gone.is_empty() {
                 true => length != 1,
                 false => !gone.contains(&place),
@@ -56,6 +58,7 @@ pub(super) fn moved(
         "Reshape" => reshape(first, &inputs.get(1)?.values),
         "Transpose" => {
             let many = first.dims.len();
+            // Without an order, ONNX turns the axes round.
             let order: Vec<usize> = match attributes.list("perm") {
                 Some(order) => order.iter().map(|&place| axis(place, many)).collect::<Option<_>>()?,
                 None => (0..many).rev().collect(),
@@ -183,6 +186,7 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
     let asked: Vec<usize> = asked.iter().map(|&length| length as usize).collect();
     let many = asked.len().max(constant.dims.len());
     let mut expanded = constant.clone();
+    // Axes are aligned at their ends, so missing ones are put in front.
     while expanded.dims.len() < many {
         expanded.dims.insert(0, 1);
     }
@@ -191,6 +195,7 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
             (_, 1) => {}
             (own, length) if own == length => {}
             (1, length) => {
+                // Before the list of places is made: a file may ask for any length.
                 expanded.values.len().checked_mul(length).filter(|&count| count <= max)?;
                 expanded = taken(&expanded, axis, &vec![0; length], max)?;
             }

@@ -123,6 +123,7 @@ fn split<'a>(
     let mut ranges = Vec::new();
     for size in sizes {
         let start = end;
+        // Sizes come from a file: a sum that saturates is not the width, and is refused below.
         end = end.saturating_add(size);
         ranges.push(start..end);
     }

@@ -56,6 +56,7 @@ impl Walk {
             "Unsqueeze" | "Squeeze" => {}
             "Transpose" if behind_memory => {
                 let order = attributes.list("perm").unwrap_or_default();
+                // The units stay last if the axis with the largest number stays last.
                 return order.len() >= 3 && order.iter().max() == order.last();
             }
             "Reshape" if behind_memory => {
@@ -70,6 +71,8 @@ impl Walk {
         let given = node.input.get(1).and_then(|name| self.constants.get(name));
         let axes = listed.or_else(|| given.map(|axes| axes.values.iter().map(|&axis| axis as i64).collect()));
         if node.op_type == "Unsqueeze" {
+            // ONNX layers take steps × rows × inputs: the observation becomes one step, once, before the
+            // first layer.
             let first = !self.steps && self.chain.remembering() == 0 && axes == Some(vec![0]);
             self.steps |= first;
             return first;
@@ -89,6 +92,7 @@ impl Walk {
         plain(node, attributes)?;
         let number = self.chain.remembering();
         let mut origins = Vec::new();
+        // The initial output and the initial cell, by ONNX's order of inputs.
         for place in [5, 6] {
             let Some(name) = input(place) else { continue };
             match self.states.get(name) {
@@ -108,6 +112,7 @@ impl Walk {
         }
         let layer = layer_of(&self.constants, cell, [input(1), input(2), input(3)])?;
         self.chain.recurrent(cell, layer)?;
+        // Behind the outputs of all steps come the last output and the last cell: the new states.
         for (origin, output) in node.output.iter().skip(1).enumerate() {
             self.states.insert(output.clone(), Remembered { origin, layer: Some(number) });
         }

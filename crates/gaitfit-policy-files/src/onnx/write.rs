@@ -125,6 +125,7 @@ fn model(
         let (weight, bias) = (format!("{name}.weight"), format!("{name}.bias"));
         constants.push(constant(&weight, &[layer.outputs, layer.inputs], &layer.transposed()));
         constants.push(constant(&bias, &[layer.outputs], &layer.bias));
+        // The weight is stored as PyTorch stores it, `outputs × inputs`.
         head = push(&mut nodes, "Gemm", &name, vec![head, weight, bias], vec![integer("transB", 1)]);
         if let Some(norm) = network.norms.get(index).and_then(Option::as_ref) {
             let name = format!("{name}.norm");

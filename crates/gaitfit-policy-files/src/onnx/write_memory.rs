@@ -73,6 +73,7 @@ fn cut(nodes: &mut Vec<Node>, constants: &mut Vec<Vec<u8>>, state: &str, number:
     let [from, to] = [number, number + 1].map(|place| {
         let name = format!("memory.place_{place}");
         let value = whole_numbers(&name, &[place as i64]);
+        // Neighbouring layers share a place, whose constant is written once.
         if !constants.contains(&value) {
             constants.push(value);
         }

@@ -69,6 +69,7 @@ pub enum Along {
 impl Along {
     /// Writes its values for one robot, for runs of `length` numbers that are `stride` apart.
     pub fn apply(self, out: &mut [f32], input: &[f32], length: usize, stride: usize) {
+        // In `f64`, so that only the result is rounded.
         let mut run = vec![0.0; length];
         // Runs are interleaved: `stride` of them begin one beside the other in each block.
         for block in 0..input.len() / (length * stride) {

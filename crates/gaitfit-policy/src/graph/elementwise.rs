@@ -53,6 +53,7 @@ impl Function {
         };
         match self {
             Self::Activation(activation) => activate_all(numbers, activation),
+            // For a large negative x the power is infinite and the quotient 0, which is right.
             Self::Sigmoid => each(numbers, |x| 1.0 / (1.0 + (-x).exp())),
             Self::Exp => each(numbers, f32::exp),
             Self::Log => each(numbers, f32::ln),
@@ -90,6 +91,7 @@ fn erf(x: f32) -> f32 {
     let z = f64::from(x.abs());
     let t = 1.0 / (1.0 + erfc::P * z);
     let p = erfc::COEFFICIENTS.into_iter().fold(0.0, |p, coefficient| p * t + coefficient);
+    // The formula is for z ≥ 0, and the error function is odd.
     (1.0 - p * t * (-z * z).exp()).copysign(f64::from(x)) as f32
 }
 

@@ -239,6 +239,7 @@ impl Graph {
             for step in &plan.steps {
                 plan.step(step, rows, &mut values);
             }
+            // Tiles come in the order of the robots, so each one's actions are appended.
             plan.copy(plan.actions, rows, &values, actions);
             for (number, one) in plan.carried.iter().enumerate() {
                 // All outputs were computed from the old memory, so now each part of it may be replaced.
@@ -305,6 +306,7 @@ impl Plan {
                     }
                 }
                 Operator::Function(function) => {
+                    // Functions work in place: the input is copied into the output first.
                     let input = input(0);
                     out.chunks_exact_mut(count)
                         .enumerate()
@@ -350,6 +352,7 @@ impl Plan {
                     }
                 }
                 Operator::Recurrent { cell, layer, times } => {
+                    // A state may be a constant, which stands there once: each robot gets its copy.
                     let before = |number: usize| {
                         let mut state = Vec::with_capacity(rows * layer.hidden);
                         self.copy(step.inputs[number], rows, values, &mut state);

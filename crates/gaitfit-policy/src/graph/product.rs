@@ -20,6 +20,7 @@ pub(super) fn by_constant(
         others.chunks_exact_mut(first.len()).for_each(|other| other.copy_from_slice(first));
         return;
     }
+    // A robot's value has count / inner rows of the last axis; those of all robots lie one behind the other.
     multiply(out, Matrix::row_major(x.all, rows * (x.count / inner), inner), w, false);
 }
 

@@ -216,6 +216,7 @@ fn lstm_back_units<T: Scalar, const FUSED: bool, const N: usize>(
         i[u] = c * gu * iu * (T::ONE - iu);
         f[u] = c * before[u] * fu * (T::ONE - fu);
         g[u] = c * iu * (T::ONE - gu * gu);
+        // Through the forget gate to the cell before.
         carried[u] = c * fu;
     }
     x.iter_mut().zip([i, f, g, o]).for_each(|(block, values)| put(block, at, values));
@@ -244,9 +245,11 @@ fn gru_back_units<T: Scalar, const FUSED: bool, const N: usize>(
         z[u] = d * (before[u] - nu) * zu * (T::ONE - zu);
         n[u] = new;
         hn[u] = new * ru;
+        // The share of the old output that is kept passes no weights.
         pull[u] = d * zu;
     }
     x.iter_mut().zip([r, z, n]).for_each(|(block, values)| put(block, at, values));
+    // In r and z both products are summed as they are; in n the reset gate stands between.
     h.iter_mut().zip([r, z, hn]).for_each(|(block, values)| put(block, at, values));
     put(of_state, at, pull);
 }

@@ -13,6 +13,7 @@ pub(crate) fn layer<T: Scalar>(
     output: &mut [T],
 ) {
     let layer = &layers[index];
+    // A function of the output, where a network has one, is the caller's.
     if index + 1 == layers.len() {
         return sums(layer, parameters, rows, input, output);
     }

@@ -14,6 +14,7 @@ fn multiply_and_sum<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], slope: impl
     let (blocks, rest) = sums.as_chunks_mut::<COLUMNS>();
     for (number, sums) in blocks.iter_mut().enumerate() {
         let first = number * COLUMNS;
+        // A copy of fixed size can stay in registers through all rows.
         let mut held = *sums;
         for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
             let columns = d[first..first + COLUMNS].iter_mut().zip(&h[first..first + COLUMNS]);
@@ -50,6 +51,7 @@ fn activate<T: Scalar>(y: &mut [T], bias: &[T], f: impl Fn(T) -> T) {
 /// α (eˣ − 1) below 0, x above, all times λ.
 #[inline(always)]
 fn elu<T: Scalar, const FUSED: bool>(x: T, alpha: T, lambda: T) -> T {
+    // Both sides are computed: a choice between two numbers needs no branch, so lanes stay together.
     let below = alpha * (x.exponential::<FUSED>() - T::ONE);
     lambda * if x > T::ZERO { x } else { below }
 }
@@ -58,6 +60,7 @@ fn elu<T: Scalar, const FUSED: bool>(x: T, alpha: T, lambda: T) -> T {
 #[inline(always)]
 fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
     let number = T::from_f64;
+    // The approximation holds from 0 on. The other side follows by symmetry, see below.
     let z = if x < T::ZERO { -x } else { x } * number(std::f64::consts::FRAC_1_SQRT_2);
     let t = T::ONE / (T::ONE + number(erfc::P) * z);
     let [first, rest @ ..] = erfc::COEFFICIENTS;
@@ -65,13 +68,16 @@ fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
     for coefficient in rest {
         p = p * t + number(coefficient);
     }
+    // Φ(x) is 1 − erfc(z)/2 above 0 and erfc(z)/2 below, with z = abs(x)/√2.
     let half = number(0.5) * x * p * t * (-z * z).exponential::<FUSED>();
     if x > T::ZERO { x - half } else { half }
 }
 
 /// f of every number.
 pub(crate) fn activate_all(numbers: &mut [f32], activation: Activation) {
+    // The kernel adds a bias: with zeros it is the function alone.
     let zeros = [0.0; COLUMNS];
+    // The numbers are cut into rows as wide as the zeros; what is left is one shorter row.
     let whole = numbers.len() / COLUMNS * COLUMNS;
     let (whole, rest) = numbers.split_at_mut(whole);
     add_bias_and_activate(whole, &zeros, activation);
@@ -185,6 +191,7 @@ kernels! {
             Activation::Silu => activate(y, bias, |x| x / (T::ONE + (-x).exponential::<FUSED>())),
             Activation::Gelu => activate(y, bias, gelu::<T, FUSED>),
             Activation::GeluTanh => {
+                // √(2/π), and the cubic coefficient of Hendrycks and Gimpel's approximation.
                 let [root, cubic, half] = [0.797_884_560_802_865_4, 0.044_715, 0.5].map(T::from_f64);
                 activate(y, bias, |x| {
                     let inner = root * (x + cubic * x * x * x);
@@ -227,6 +234,7 @@ kernels! {
                 for (y, slope) in each {
                     let (x, below) = (*y, T::ONE + (-*y).exponential::<FUSED>());
                     let share = T::ONE / below;
+                    // With `share` = σ(x) the derivative of x σ(x) is σ (1 + x (1 − σ)).
                     *slope = share * (T::ONE + x * (T::ONE - share));
                     *y = x / below;
                 }

@@ -152,7 +152,9 @@ impl Network {
     pub fn forward(&self, rows: usize, input: &[f32], output: &mut [f32], scratch: &mut Scratch) {
         let layers = self.shape.layers();
         let (inputs, outputs) = (self.shape.inputs, self.shape.outputs);
+        // A tile's activations are at most as wide as the widest layer; fewer rows than a tile need less.
         let size = TILE.min(rows) * self.shape.widest();
+        // Other networks use the scratch too, so it grows and never shrinks.
         for buffer in &mut scratch.buffers {
             if buffer.len() < size {
                 buffer.resize(size, 0.0);

@@ -130,6 +130,7 @@ impl Memory {
     fn arrays(&self) -> impl Iterator<Item = (&Vec<f32>, usize)> {
         let arrays =
             self.layers.iter().flat_map(|layer| [(&layer.output, layer.hidden), (&layer.cell, layer.hidden)]);
+        // A GRU's cells are empty, and have no width by which they could be cut.
         arrays.filter(|(values, _)| !values.is_empty())
     }
 
@@ -159,6 +160,7 @@ impl Recurrent {
         let layers = shape.layers().into_iter().enumerate().map(|(number, layer)| {
             let stream = Stream::new(seed, Purpose::WEIGHTS).environment(index).step(number as u32);
             let bound = (1.0 / (layer.hidden as f64).sqrt()) as f32;
+            // The count goes on over all four parts of a layer, so no two numbers share a draw.
             let mut draw = 0;
             let mut uniform = |count: usize| -> Vec<f32> {
                 let next = |_| {

@@ -33,6 +33,7 @@ impl<T: Scalar> RecurrentWeights<T> {
             let [input, output, ..] = layer.parts;
             for (range, inputs) in [(input, layer.inputs), (output, layer.hidden)] {
                 let weight = &parameters[range.clone()];
+                // Row j of the transpose is column j of the weight, whose elements are `wide` apart.
                 for (j, row) in transposed[range].chunks_exact_mut(inputs).enumerate() {
                     let column = weight[j..].iter().step_by(wide);
                     row.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
@@ -110,6 +111,7 @@ impl<T: Scalar> LayerTape<T> {
         for array in [&mut self.output_before, &mut self.output] {
             array.resize(rows * hidden, T::ZERO);
         }
+        // A GRU has no cell: its arrays stay empty.
         let size = if cell == Cell::Lstm { rows * hidden } else { 0 };
         for array in [&mut self.cell_before, &mut self.cell] {
             array.resize(size, T::ZERO);
@@ -121,6 +123,7 @@ impl<T: Scalar> LayerTape<T> {
 /// zeros where an episode begins.
 fn carry<T: Scalar>(before: &mut [T], after: &[T], start: &[T], step: usize, begins: &[bool]) {
     if before.is_empty() {
+        // This is the cell of a GRU: there is none to carry.
         return;
     }
     let size = start.len();
@@ -154,6 +157,7 @@ impl<T: Scalar> SequenceTape<T> {
         self.derivative.resize(rows * shape.outputs(), T::ZERO);
         let mut place = 0;
         for (index, span) in spans.iter().enumerate() {
+            // The layer below is read while this one is written.
             let (below, rest) = self.layers.split_at_mut(index);
             let layer = &mut rest[0];
             let hidden = span.hidden;
@@ -222,6 +226,7 @@ impl<T: Scalar> SequenceTape<T> {
             let hidden = span.hidden;
             let wide = cell.gates() * hidden;
             let [weight_ih, weight_hh, bias_ih, bias_hh] = span.parts.clone();
+            // Nothing follows the last step of a rollout, so the way back begins with zeros.
             self.of_state.clear();
             self.of_state.resize(robots * hidden, T::ZERO);
             self.of_cell.clear();

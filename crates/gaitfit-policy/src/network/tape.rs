@@ -87,6 +87,7 @@ impl<T: Scalar> Tape<T> {
             if self.output_derivative[row * width..(row + 1) * width].iter().all(|&d| d == T::ZERO) {
                 continue;
             }
+            // Up to the first idle row all stand where they should.
             if left < row {
                 let close_up = |values: &mut [T], width: usize| {
                     values.copy_within(row * width..(row + 1) * width, left * width);
@@ -135,6 +136,7 @@ impl<T: Scalar> Tape<T> {
                 self.narrow.resize(self.narrow.len().max(size), T::ZERO);
                 let product = &mut self.narrow[..size];
                 matmul::multiply(product, derivative_matrix.transposed(), x_matrix, false);
+                // The product is outputs × inputs: its column i is row i of the weight's derivative.
                 for (i, row) in of_weight.chunks_exact_mut(layer.outputs).enumerate() {
                     let column = product[i..].iter().step_by(layer.inputs);
                     row.iter_mut().zip(column).for_each(|(sum, &term)| *sum += term);

@@ -56,6 +56,7 @@ impl Layout {
             let begin = |number: usize| match order {
                 FrameOrder::Terms => start + number * width,
                 FrameOrder::Frames => start + number * frame,
+                // Frame 0 is the oldest in every order, so here it stands last.
                 FrameOrder::NewestFirst => start + (count - 1 - number) * frame,
             };
             let frames: Vec<usize> = (0..count).map(begin).collect();
@@ -74,6 +75,7 @@ impl Layout {
         let default_pose = interface.default_pose.iter().map(|&angle| angle as f32).collect();
         let width = interface.width(terms);
         let find = |quantity: Quantity| slots.iter().find(|slot: &&Slot| slot.quantity == quantity);
+        // The action before the last is read from the row before, where it is the last action.
         let last_action = find(Quantity::EarlierAction).and(find(Quantity::LastAction)).map(|slot| {
             let factor = |joint: usize| match slot.scale[..] {
                 [one] => one,

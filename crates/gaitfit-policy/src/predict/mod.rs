@@ -288,6 +288,7 @@ impl Worker {
             // All at once: robots of one block are set together, which is faster.
             tile.correct(&self.corrected);
             self.corrected.clear();
+            // No row would hold the state after a last step.
             if sample + 1 == longest {
                 break;
             }

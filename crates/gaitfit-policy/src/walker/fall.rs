@@ -64,6 +64,7 @@ impl Fall {
             let matcher = glob.compile_matcher();
             let before = geoms.len();
             geoms.extend((0..contacts).filter(|&place| matcher.is_match(name(place))));
+            // A pattern that matches nothing is a slip, and falls would go unseen.
             if geoms.len() == before {
                 return refuse(format!(
                     "has `{}`, which matches no geom of {} that may touch the ground; {}",
@@ -76,6 +77,7 @@ impl Fall {
         Ok(Self {
             geoms,
             contacts,
+            // The cosine falls as the angle grows, so the largest tilt gives the least uprightness.
             least_uprightness: settings.tilt.to_radians().cos() as f32,
             height: settings.height as f32,
             posture: posture.map(|x| x as f32),

@@ -34,6 +34,7 @@ impl NamedFoot {
             all.filter(move |(_, geom)| **geom == wanted).map(|(place, _)| place)
         };
         FootGeoms {
+            // `named` takes geoms that may touch the ground, so there is a place.
             main: places(self.main).next().unwrap_or_default(),
             geoms: self.geoms.iter().flat_map(|&geom| places(geom)).collect(),
         }
@@ -100,6 +101,7 @@ pub(super) fn nearest<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) ->
     let lower = wanted.to_lowercase();
     let mut scored: Vec<(f64, &str)> =
         names.map(|name| (strsim::jaro_winkler(&lower, &name.to_lowercase()), name)).collect();
+    // By name where scores are equal, so that equal names lie side by side for `dedup_by`.
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
     scored.dedup_by(|a, b| a.1 == b.1);
     let names: Vec<String> = scored.into_iter().take(NEAREST).map(|(_, name)| shown(name)).collect();

@@ -110,6 +110,7 @@ impl Walker {
         let fall = Fall::new(&batch, &fall, posture)?;
         let feet = feet.iter().map(|foot| foot.places(&batch)).collect();
         let default_pose = interface.model_pose(model)?.into_iter().map(|angle| angle as f32).collect();
+        // Joints that the policy does not move keep a scale of 0.
         let mut action_scale = vec![0.0; model.joints.len()];
         for (index, &joint) in joints.iter().enumerate() {
             action_scale[joint] = interface.action_scale[index] as f32;
@@ -197,6 +198,7 @@ impl Walker {
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
     pub fn sense(&self, motion: &Motion, index: usize, imu: Option<&Imu>, sensed: &mut Sensed) {
         self.sense_motion(motion, index, motion.velocity_readings(), sensed);
+        // `sense_motion` has put in the present state; a late unit shows an older one.
         if motion.late_imu.is_some() {
             let (attitude, rates) = motion.imu_reading(index);
             sensed.orient(attitude);

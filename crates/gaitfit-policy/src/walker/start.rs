@@ -49,6 +49,7 @@ pub fn standing_on(
             height = height.max(ground.highest_about(x, y, radius) + radius - z);
         }
     }
+    // Without a geom that may touch the ground the base itself lies on it.
     let height = if height.is_finite() { height } else { ground.height(place[0], place[1]) };
     let flat = standing(model, quaternion, angles);
     Start { base_position: [place[0] as f32, place[1] as f32, (height + GAP) as f32], ..flat }

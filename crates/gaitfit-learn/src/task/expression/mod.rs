@@ -127,6 +127,7 @@ impl Node {
     /// The row of its elements at `places`; a single number stays as it is.
     fn picked(self, places: &[usize]) -> Self {
         match self {
+            // A single number stands beside every element, so there is nothing to pick from it.
             Self::Quantity(quantity, elements) if elements.len() != 1 => {
                 let places = places.iter().filter_map(|&place| elements.get(place).copied());
                 Self::Quantity(quantity, places.collect())

@@ -129,6 +129,7 @@ impl Two {
             Self::GreaterOrEqual => both(a, b, to, |a, b| flag(a >= b)),
             Self::Equal => both(a, b, to, |a, b| flag(a == b)),
             Self::Unequal => both(a, b, to, |a, b| flag(a != b)),
+            // Without a branch, which `&&` would be, the loop becomes vector instructions.
             Self::And => both(a, b, to, |a, b| flag((a != 0.0) & (b != 0.0))),
             Self::Or => both(a, b, to, |a, b| flag((a != 0.0) | (b != 0.0))),
         }
@@ -187,6 +188,7 @@ impl FoldKind {
     pub(super) fn apply(self, row: &[f32], to: &mut [f32]) {
         let lanes = to.len();
         let count = (row.len() / lanes) as f32;
+        // `row` has the first element of all robots, then the second, and so on.
         let (first, rest) = row.split_at(lanes.min(row.len()));
         let rest = rest.chunks_exact(lanes);
         // The result starts as the first element and takes in one further element a pass: each pass runs over
@@ -205,6 +207,7 @@ impl FoldKind {
             Self::Max => rest.for_each(|x| onto(to, x, larger)),
         }
         match self {
+            // An empty row has no mean: 0 / 0.
             Self::Mean => to.iter_mut().for_each(|x| *x /= count),
             Self::Norm => to.iter_mut().for_each(|x| *x = x.sqrt()),
             _ => {}
@@ -275,6 +278,7 @@ pub(in crate::task) fn flag(on: bool) -> f32 {
 
 /// Unlike `f32::min`, this gives NaN if `a` or `b` is NaN.
 fn smaller(a: f32, b: f32) -> f32 {
+    // A NaN in `b` fails the comparison, so `b` is what is returned.
     if a < b || a.is_nan() { a } else { b }
 }
 

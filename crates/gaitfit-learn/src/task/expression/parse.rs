@@ -92,6 +92,7 @@ impl Parser<'_> {
             let what = format!("more than {MAX_DEPTH} brackets and signs inside each other");
             return self.wrong(self.at(), Problem::Size { what });
         }
+        // An error ends the reading, so the depth need not be taken back then.
         let read = inner(self)?;
         self.depth -= 1;
         Ok(read)
@@ -134,6 +135,7 @@ impl Parser<'_> {
             let what = format!("more than {MAX_FOLDS} sums, means, norms and extremes");
             return self.wrong(at, Problem::Size { what });
         }
+        // The row was read before, so the folds in it have smaller numbers.
         self.folds.push(Fold { kind, width: row.width, row: row.node });
         self.part(at, Node::Fold(self.folds.len() - 1), 1)
     }
@@ -337,6 +339,7 @@ impl Parser<'_> {
         // `min` and `max` fold a row if they have one argument, and compare two; the count decides.
         let found = arguments.len();
         let mut rest = arguments.into_iter();
+        // The fourth argument is asked for only to refuse it.
         match (function, rest.next(), rest.next(), rest.next(), rest.next()) {
             (Function::One(one), Some(of), None, ..) => self.one(at, one, of),
             (Function::Fold(kind), Some(row), None, ..) => self.fold(at, kind, row),

@@ -73,6 +73,7 @@ pub(in crate::task) struct Program {
 impl Program {
     pub(in crate::task) fn new<'a>(expressions: impl IntoIterator<Item = &'a Expression>) -> Self {
         let mut list = List::default();
+        // All steps of all expressions are known before places are given: a row may serve several expressions.
         let values: Vec<usize> =
             expressions.into_iter().map(|expression| list.expression(expression)).collect();
         list.placed(&values)
@@ -86,6 +87,7 @@ impl Program {
     /// Writes the expressions' values of up to [`LANES`] robots, a row a robot. `scratch`: [`Program::scratch`].
     pub(in crate::task) fn run(&self, moments: &[Moment<'_>], scratch: &mut Scratch, values: &mut [f32]) {
         for (work, to) in &self.steps {
+            // Taken out, so that the step can read the other rows; `placed` lets no step write where it reads.
             let mut row = std::mem::take(&mut scratch[to.at]);
             step(work, moments, scratch, &mut row);
             scratch[to.at] = row;
@@ -107,6 +109,7 @@ fn step(work: &Work<Row>, moments: &[Moment<'_>], scratch: &Scratch, to: &mut [f
     match work {
         Work::Number(bits) => to.fill(f32::from_bits(*bits)),
         Work::Quantity(quantity, places) => {
+            // Lanes without a robot keep old numbers, which `run` does not hand out.
             elements(to).zip(places).for_each(|((_, to), &place)| quantity.load(moments, place, to));
         }
         Work::One(operator, row) => operator.apply(&scratch[row.at], to),

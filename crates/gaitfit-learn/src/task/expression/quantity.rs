@@ -75,6 +75,7 @@ impl Quantity {
 /// Places of the `names` that a pattern covers: globs as for joints, or a name as it is.
 pub(super) fn covered(pattern: &str, names: &[&str]) -> Result<Vec<usize>, PatternError> {
     let glob = Pattern::new(pattern)?;
+    // A name may hold signs that a pattern gives a meaning, so it also counts as it is written.
     Ok((0..names.len()).filter(|&k| names[k] == pattern || glob.covers(names[k])).collect())
 }
 

@@ -38,6 +38,7 @@ impl Token {
 
 /// An error at byte `at` of `text`.
 pub(super) fn wrong<T>(text: &str, at: usize, problem: Problem) -> Result<T, ExpressionError> {
+    // A column counts characters, while `at` counts bytes.
     let column = text.get(..at).unwrap_or(text).chars().count() + 1;
     Err(ExpressionError { column, text: text.to_owned(), problem })
 }
@@ -85,7 +86,9 @@ pub(super) fn tokens(text: &str) -> Result<Vec<(usize, Token)>, ExpressionError>
 /// The number that begins at byte `at`.
 fn number(text: &str, at: usize) -> Result<(usize, Token), ExpressionError> {
     let rest = &text[at..];
+    // A second point is left to the standard parser, which refuses it below.
     let mut length = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+    // An `e` without digits is taken too, and the standard parser refuses it below.
     if let Some(exponent) = rest[length..].strip_prefix(['e', 'E']) {
         let sign = usize::from(exponent.starts_with(['+', '-']));
         let digits = &exponent[sign..];

@@ -42,6 +42,7 @@ pub(in crate::task) fn listed(
         let built_in = built_in.map(|term| read(name, term.text, &names)).transpose()?;
         // Taken out of the list: what is left at the end has no weight.
         let written = expressions.iter().position(|(other, _)| *other == name);
+        // The order of what is left does not matter: one of them is named in the error.
         let written = written.map(|place| expressions.swap_remove(place).1);
         let Some(expression) = built_in.or(written) else {
             let known = TERMS.iter().map(|term| term.name).chain(settings.terms.keys().map(String::as_str));

@@ -38,6 +38,7 @@ impl Course {
     /// Settings out of range.
     pub fn new(settings: &TerrainSettings) -> Result<(Self, HeightField), TaskError> {
         settings.check()?;
+        // Half of all cells, and the rim, which is on each side.
         let half = |cells: usize| {
             0.5 * settings.cell * (cells * settings.across()) as f64 + settings.cell * settings.rim() as f64
         };
@@ -73,6 +74,7 @@ impl Course {
 
     /// Share of the way from the first level to the last, 0 to 1.
     pub fn fraction(&self, cell: Cell) -> f64 {
+        // With a single level this is 0 / 1: it is the first.
         cell.level as f64 / (self.settings.levels - 1).max(1) as f64
     }
 
@@ -112,6 +114,7 @@ impl Course {
     /// Levels that the first episode, or any without a curriculum, starts on, from the lowest.
     pub fn drawn_levels(&self) -> usize {
         if self.settings.curriculum {
+            // A start level beyond the last one means all levels.
             self.settings.start_level.saturating_add(1).min(self.settings.levels)
         } else {
             self.settings.levels

@@ -51,6 +51,7 @@ struct Shape<'a> {
 
 impl<'a> Shape<'a> {
     fn new(settings: &'a TerrainSettings, course: &Course, cell: Cell) -> Self {
+        // Its number keeps the draws of a cell apart from those of the others.
         let number = cell.level * settings.columns + cell.column;
         Self {
             settings,
@@ -93,6 +94,8 @@ impl<'a> Shape<'a> {
                 let spacing = self.settings.rough_distance;
                 let (x, y) = (i as f64 * cell / spacing, j as f64 * cell / spacing);
                 let (a, b) = (x.floor(), y.floor());
+                // Corners of a cell's own grid, counted from its first vertex: neighbouring cells do not join
+                // smoothly.
                 let drawn = |a: f64, b: f64| 2.0 * self.noise.step(a as u32).uniform(b as u32) - 1.0;
                 let along = |b: f64| {
                     let (low, high) = (drawn(a, b), drawn(a + 1.0, b));

@@ -79,6 +79,7 @@ impl Kinds {
                 so_far += share;
                 place < so_far
             });
+            // Rounding of the sum may leave the last column without a kind.
             let kind = chosen.or(shares.last()).map_or(TerrainKind::Flat, |(kind, _)| *kind);
             columns.push((kind, columns.iter().filter(|(other, _)| *other == kind).count()));
         }

@@ -40,6 +40,8 @@ impl Environment<'_> {
         let number = self.first + index as u32;
         if let (Some(course), Some(way)) = (&self.task.course, self.ways.get_mut(index)) {
             let place = &self.motion.base_position[3 * index..];
+            // A simulation that came apart counts as a fall. Its place may be NaN, which no comparison takes
+            // for far.
             let fell = ended != Ended::TimeOut;
             let level = course.next_level(way, [place[0], place[1]], fell, self.seed, number, step);
             *way = Way { level, ..Way::default() };

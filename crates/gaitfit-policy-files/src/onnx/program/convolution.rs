@@ -86,6 +86,7 @@ fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result
     let many = lengths.len();
     let list = |key: &str, other: usize, count: usize| -> Result<Vec<usize>, NodeError> {
         let Some(given) = attributes.list(key) else { return Ok(vec![other; count]) };
+        // The bound is far beyond any observation; it keeps the sums below from overflowing.
         let numbers: Option<Vec<usize>> =
             given.iter().map(|&one| usize::try_from(one).ok().filter(|&one| one <= 1 << 16)).collect();
         numbers

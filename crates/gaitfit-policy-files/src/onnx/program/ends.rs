@@ -59,12 +59,14 @@ pub(super) fn action(
             Err(invalid(format!("it has no output {}, which `output` names; it has {outputs}", shown(name))))
         };
     }
+    // The only output is the action, whatever its name.
     if let [one] = &model.outputs[..] {
         return Ok(one.name.clone());
     }
     let known = ACTIONS.iter().find(|name| has(name)).map(|name| (*name).to_owned());
     let mut fitting = Vec::new();
     for output in &model.outputs {
+        // The joints are on the last axis.
         let width = dimensions(output)?.last().copied().flatten();
         if width.is_some() && width == joints {
             fitting.push(output.name.clone());
@@ -209,6 +211,7 @@ fn filled(open: &[Option<usize>], count: usize) -> Result<Vec<usize>, NodeError>
     if dims.len() > 1 && dims[0].is_none() {
         dims[0] = Some(1);
     }
+    // A product that overflows fits nothing, as 0 does.
     let known = dims.iter().flatten().try_fold(1_usize, |all, &length| all.checked_mul(length)).unwrap_or(0);
     let mut missing: Vec<&mut Option<usize>> = dims.iter_mut().filter(|length| length.is_none()).collect();
     if let [one] = &mut missing[..]

@@ -19,6 +19,7 @@ pub(super) fn guessed(
         .collect::<Result<Vec<_>, _>>()?;
     let mut inputs = Inputs::new();
     for (name, wanted) in open {
+        // Without a history the whole row and its present frame are as wide: the whole row comes first.
         let fits = widths.iter().find(|(_, width)| Some(*width) == *wanted);
         // One input of any width takes everything.
         let frames = match (fits, open) {

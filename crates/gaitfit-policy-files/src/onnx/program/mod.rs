@@ -77,7 +77,9 @@ pub fn compile(
         placed_numbers: 0,
     };
     let (states, notes) = program.ends(model, &needed, &action, interface, inputs)?;
+    // ONNX demands that nodes stand in the order in which they are computed.
     for node in &model.nodes {
+        // What the action does not depend on, such as a critic, may have any operator.
         if !node.output.iter().any(|name| needed.contains(name)) {
             continue;
         }
@@ -154,6 +156,7 @@ fn needed(model: &Decoded, action: &str) -> HashSet<String> {
         // A state that the action needs makes the output needed that it becomes, and with it further nodes:
         // repeated until nothing is added.
         let before = needed.len();
+        // Nodes stand in order, so one pass from the last to the first follows all dependences.
         for node in model.nodes.iter().rev() {
             if node.output.iter().any(|name| needed.contains(name)) {
                 needed.extend(node.input.iter().filter(|name| !name.is_empty()).cloned());
@@ -191,6 +194,7 @@ impl Program {
         if let Some(name) = node.input.iter().find(unknown) {
             return Err(misfit(format!("it takes `{}`, which no node before it gives", shown(name))));
         }
+        // What does not depend on the observation is computed now, and leaves no step to run.
         if self.shape_of(node, &attributes)? || self.fold(node, &attributes)? {
             return Ok(());
         }

@@ -110,6 +110,7 @@ impl Program {
             let bound = |place: usize| Constant { dims: vec![1], values: vec![place as f64] };
             let cut = [bound(start), bound(start + size), bound(axis)];
             start += size;
+            // A part without numbers gets no value; a node that takes it is refused.
             if size == 0 {
                 continue;
             }

@@ -167,6 +167,7 @@ impl Program {
         let (to, kept) = reduced(&input.dims, &gone);
         let each = input.dims.iter().product::<usize>() / kept.iter().product::<usize>().max(1);
         let mut value = self.step(Operator::Reduce { what, to, each }, &[&input], kept)?;
+        // `reduced` keeps the axes as ones; without `keepdims` they go.
         if attributes.integer("keepdims", 1) == 0 {
             let mut number = 0;
             value.dims.retain(|_| {

@@ -47,6 +47,7 @@ impl Program {
             return Err(shapes());
         }
         let mut dims = broadcast(&[lead_a, lead_b])?;
+        // An axis that was put in above is not one of the result.
         if a.dims.len() > 1 {
             dims.push(*rows);
         }

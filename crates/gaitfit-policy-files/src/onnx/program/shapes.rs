@@ -46,6 +46,7 @@ pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, NodeError> {
 pub(super) fn reach(from: &[usize], to: &[usize]) -> Reach {
     let count: usize = from.iter().product();
     let total: usize = to.iter().product();
+    // As many numbers on both sides: only axes of length one can differ.
     if count == total {
         return Reach::Same;
     }
