@@ -71,6 +71,7 @@ impl Column {
     fn reals(values: Values, per_second: Option<f64>) -> Vec<f64> {
         match (values, per_second) {
             (Values::Integers(values), Some(unit)) => {
+                // Subtracted as integers: nanoseconds since 1970 have 19 digits, and an f64 has 16.
                 let first = values.first().copied().unwrap_or(0);
                 values.iter().map(|value| value.saturating_sub(first) as f64 / unit).collect()
             }

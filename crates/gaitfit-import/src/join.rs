@@ -129,6 +129,7 @@ fn columns_at(time: &[f64], table: &Table, placed: Option<&[Option<usize>]>) -> 
             }
             match (values.get(row + 1), table.time.get(row + 1)) {
                 (Some(next), Some(later)) => {
+                    // Because of the slack, the row may be a little later than the sample.
                     let fraction =
                         ((time[sample] - table.time[row]) / (later - table.time[row])).clamp(0.0, 1.0);
                     // Not 0 × next, which may be NaN.

@@ -203,6 +203,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     })?;
     report.assumed.append(&mut joined.assumed);
     report.dropped = joined.dropped;
+    // Files that state a lead have their targets in the right rows already.
     joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));
     report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);

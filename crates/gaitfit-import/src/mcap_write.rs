@@ -146,6 +146,7 @@ impl<W: Write + Seek> McapLog<W> {
         // Messages have unsigned times, so a log on a clock of its own is shifted once, by its first row.
         let start = if row.time >= UNIX_S { 0.0 } else { 1.0 - row.time };
         let at = row.time + *self.shift.get_or_insert(start);
+        // Stamps of ROS 2 have 32 bits of seconds with a sign.
         if !(0.0..=f64::from(i32::MAX)).contains(&at) {
             let problem = format!("{} s is no time that a message can have; cut the log there", row.time);
             return Err(ImportError::Clock { stream: "the log".into(), problem });
@@ -314,6 +315,7 @@ impl Message {
         let mut message = Message::new(ns);
         let mut part = |values: &[f64], known: bool| {
             message.numbers(values);
+            // Zeros: it is measured, and its covariance is not known (`sensor_msgs/msg/Imu`).
             message.numbers(&[if known { 0.0 } else { -1.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         };
         let [w, x, y, z] = row.quaternion.unwrap_or_default();
@@ -357,6 +359,7 @@ impl Message {
     }
 
     fn text(&mut self, text: &str) {
+        // CDR counts the zero at the end.
         self.u32(text.len() as u32 + 1);
         self.0.extend(text.as_bytes());
         self.0.push(0);

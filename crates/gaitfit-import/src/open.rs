@@ -225,11 +225,13 @@ fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> 
 
 /// Whether a CSV file has the header of gaitfit's own logs.
 fn is_own(bytes: &[u8]) -> bool {
+    // The header is near the beginning, below comments.
     let start = &bytes[..bytes.len().min(1 << 16)];
     let text = String::from_utf8_lossy(start);
     let header = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
     let names: Vec<&str> = header.split(',').map(str::trim).collect();
     let joint = names.iter().find_map(|name| name.strip_prefix("q_"));
+    // Numbered joints need names, which the plain reader of tables finds.
     let named = joint.is_some_and(|joint| {
         joint.parse::<u16>().is_err() && names.contains(&format!("dq_{joint}").as_str())
     });
@@ -277,6 +279,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.lead = log.lead;
     source.velocity_joints = log.velocity_joints.clone();
     source.simulated_step = log.simulated_step;
+    // Its reader has taken one row of `every` already.
     source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);

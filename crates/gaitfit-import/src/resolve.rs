@@ -48,6 +48,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
             }
             known = renamed(known, mapping);
             if let Some(number) = known.strip_prefix("obs_#") {
+                // A number that does not fit is beyond every policy, so `unpack` refuses it.
                 observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
                 continue;
             }
@@ -93,6 +94,7 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
         return;
     }
     let mut names: Vec<&String> = source.tables.iter().map(|table| &table.name).collect();
+    // Tables of one topic follow one another.
     names.dedup();
     let columns = source.tables.iter().flat_map(|table| table.columns.keys());
     let all: Vec<&String> = names.iter().copied().chain(columns).collect();
@@ -192,6 +194,7 @@ fn first_names(names: &[&String]) -> String {
 fn by_pattern(pattern: &str, name: &str, role: Role) -> Option<String> {
     let place = |number: usize| match role.prefix() {
         Some(prefix) => Some(format!("{prefix}#{number}")),
+        // Wide enough for a quaternion. Roles of exactly three numbers follow.
         None => role.columns(4.max(number + 1)).or_else(|| role.columns(3))?.get(number).cloned(),
     };
     let between = |(before, after): (&str, &str)| {
@@ -275,6 +278,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
                     None => continue,
                 },
             };
+            // Names of other quantities keep the ending.
             let is_joint = PER_JOINT.contains(&prefix.as_str());
             let name = if is_joint { name.strip_suffix("_joint").unwrap_or(&name).to_owned() } else { name };
             columns.insert(name, values);

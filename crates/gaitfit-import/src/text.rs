@@ -102,6 +102,7 @@ pub(crate) fn read(
     }
     let clock = if time.is_some() { "the time column" } else { "the rows' numbers" };
     source.tables = sparse.split(name, clock, time.map(|column| names[column].as_str()));
+    // The numbers of rows served to split them; a rate gives the times later.
     if time.is_none() {
         source.tables.iter_mut().for_each(|table| table.time.clear());
     }

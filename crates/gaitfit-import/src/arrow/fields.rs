@@ -108,6 +108,7 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
     let refused = inside.refused.or(refused).or((lists > 1).then_some("lists in lists"));
     let below = Inside { depth: inside.depth + 1, lists, list: is_list, refused };
     let mut children = Vec::new();
+    // The children of a dictionary's column belong to the dictionary, whose messages are passed over.
     if layout != Layout::Skipped(1) || refused.is_none() {
         for child in field.children().map_err(damaged)?.iter().flat_map(|all| all.iter()) {
             children.push(read(child.map_err(damaged)?, &name, below, left)?);

@@ -80,6 +80,7 @@ fn next<'a>(rest: &mut &'a [u8]) -> Next<'a> {
     if rest.is_empty() {
         return Next::End;
     }
+    // Writers before Arrow 0.15 put the length alone, without the 4 bytes ff.
     let body = rest.strip_prefix(CONTINUED).unwrap_or(rest);
     let Some((length, body)) = body.split_first_chunk::<4>() else { return Next::Cut };
     let length = u32::from_le_bytes(*length) as usize;

@@ -94,6 +94,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         return Err(damaged("numbers of more than 32 bits where levels or places are").into());
     }
     let mut out = Vec::new();
+    // All numbers are 0 and take no bytes.
     if width == 0 {
         out.resize(count, 0);
         return Ok(out);
@@ -103,6 +104,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         let header = varint(&mut bytes)?;
         let left = count - out.len();
         let wanted = usize::try_from(header >> 1).map_err(|_| damaged(CUT))?;
+        // Runs of nothing would never reach `count`.
         if wanted == 0 {
             return Err(damaged(CUT).into());
         }

@@ -44,6 +44,7 @@ fn joint_state(message: &Value, joints: Role, out: &mut Columns) {
         }
     };
     add("position", joints.prefix().unwrap_or("q_"));
+    // Velocities beside targets are wanted ones, not measured ones.
     if joints == Role::Position {
         add("velocity", "dq_");
     }
@@ -137,6 +138,7 @@ fn imu(message: &Value, out: &mut Columns) {
     let quaternion: Option<Vec<f64>> =
         ["w", "x", "y", "z"].iter().map(|name| part(orientation, name)).collect();
     let rates: Option<Vec<f64>> = ["x", "y", "z"].iter().map(|name| part(rates, name)).collect();
+    // Drivers without an estimate send zeros.
     if let Some(quaternion) = quaternion.filter(|parts| parts.iter().any(|part| *part != 0.0)) {
         out.extend(BASE_QUATERNION.iter().zip(quaternion).map(|(name, value)| ((*name).to_owned(), value)));
     }

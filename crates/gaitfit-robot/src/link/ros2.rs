@@ -28,6 +28,7 @@ impl Parts {
     }
 
     fn joints(&self, message: &JointState) {
+        // Copied, so that the inbox is not locked while the states are.
         let patience = lock(&self.inbox).patience;
         let taken = {
             let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
@@ -55,6 +56,7 @@ impl Parts {
 
 fn now() -> Stamp {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    // Seconds of ROS 2 are 32 bits with a sign (`builtin_interfaces/msg/Time`): they last until 2038.
     Stamp { sec: now.as_secs() as i32, nanosec: now.subsec_nanos() }
 }
 

@@ -176,6 +176,7 @@ impl Flight {
             Some(state) if self.stage == Stage::Damping => {
                 limits.for_damping().admit(&wanted, state).unwrap_or(wanted)
             }
+            // A target that is no number becomes damping.
             Some(state) => limits.admit(&wanted, state).unwrap_or_else(|| damping(&self.damping)),
             None => damping(&self.damping),
         };

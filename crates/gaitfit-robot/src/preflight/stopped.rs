@@ -85,6 +85,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let wanted = f64::from(last.command[motor].q - first.command[motor].q);
     let by = |index: usize| f64::from(last.state.q[index] - first.state.q[index]);
     // The last rows, where the target had gone furthest.
+    // 50 rows are 0.1 s: long enough for a mean of noisy torques.
     let end = &rows[rows.len().saturating_sub(LAST)..];
     let made: Vec<f64> = end
         .iter()

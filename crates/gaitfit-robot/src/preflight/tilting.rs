@@ -89,6 +89,7 @@ impl Tilting {
                 }
             }
             Some(_) => None,
+            // The first message: the robot is still until the next one shows a turn.
             None => Some(true),
         };
         if let Some(still) = still {

@@ -200,6 +200,7 @@ impl Robot {
             (None, Some([low, high])) if high - low > 2.0 * STOPS => {
                 motor.lying.clamp(low + STOPS, high - STOPS)
             }
+            // In a range this narrow `clamp` would panic. The middle is furthest from both stops.
             (None, Some([low, high])) => 0.5 * (low + high),
             (None, None) => motor.lying,
         })
@@ -270,6 +271,7 @@ impl Robot {
             }
         }
         for held in &interface.held {
+            // A joint that the policy moves has its pose already.
             let motor = self.motors.iter().position(|motor| motor.moves(&held.joint));
             if let Some(motor) = motor.filter(|motor| !motors.contains(motor)) {
                 postures.standing[motor] = held.position as f32;

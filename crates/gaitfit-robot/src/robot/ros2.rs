@@ -149,6 +149,7 @@ impl Robot {
         let mut seen: Vec<&str> = Vec::with_capacity(self.motors.len());
         for motor in &self.motors {
             let name = motor.topic_name.as_ref().unwrap_or(&motor.joint);
+            // A message with a longer name is refused when it comes, so the joint would never be found.
             if name.is_empty() || name.len() > crate::ros::MAX_NAME || seen.contains(&name.as_str()) {
                 return Some(format!(
                     "motor `{}`: the name `{name}` in messages; give each joint its own `topic_name` of 1 to {} bytes",

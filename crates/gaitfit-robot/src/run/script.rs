@@ -129,6 +129,7 @@ impl Script {
     /// The command at `time`, s; `None` once the walk is over.
     pub fn at(&self, time: f64) -> Option<[f32; 3]> {
         let next = self.rows.partition_point(|(begin, _)| *begin <= time);
+        // The last row is no command: it only ends the walk.
         (next < self.rows.len()).then(|| self.rows[next.saturating_sub(1)].1)
     }
 
@@ -141,6 +142,7 @@ impl Script {
 
     /// The least and the largest of each part of the commands that are walked under: forward, left (m/s), yaw rate (rad/s).
     pub fn extremes(&self) -> [[f64; 2]; 3] {
+        // The last row is no command.
         let walked = &self.rows[..self.rows.len().saturating_sub(1)];
         std::array::from_fn(|part| {
             walked

@@ -139,6 +139,7 @@ impl LowState {
         for motor in self.motor_state.as_flattened() {
             memory.bytes(&[motor.mode]).align();
             memory.floats([motor.q, motor.dq, motor.ddq, motor.tau_est]);
+            // Two shorts fill a word, so no gap follows them.
             memory.shorts(motor.temperature.map(i16::cast_unsigned)).floats([motor.vol]);
             memory.words(motor.sensor).words([motor.motorstate]).words(motor.reserve);
         }

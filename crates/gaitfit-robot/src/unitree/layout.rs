@@ -33,6 +33,7 @@ const fn table() -> [u32; 256] {
 
 /// CRC-32 over little-endian words: polynomial 0x04C11DB7, initial value of ones, nothing reflected, no final xor.
 pub(super) fn crc(words: &[u8]) -> u32 {
+    // All layouts are whole words, so no bytes are left over.
     let (words, _) = words.as_chunks::<4>();
     words.iter().fold(u32::MAX, |crc, word| {
         // The most significant byte of a word goes first: the last in memory.
