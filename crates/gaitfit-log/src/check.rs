@@ -57,6 +57,7 @@ impl CheckSpec {
     /// world).
     fn upright(&self, q: &[f64]) -> f64 {
         let [w, x, y, z] = [q[0], q[1], q[2], q[3]];
+        // The world's down in the base's frame: the third row of the rotation with the opposite sign.
         let gravity = [2.0 * (w * y - x * z), -2.0 * (y * z + w * x), 2.0 * (x * x + y * y) - 1.0];
         let posture = self.posture.unwrap_or([0.0, 0.0, -1.0]);
         gravity.iter().zip(posture).map(|(a, b)| a * b).sum()

@@ -208,6 +208,7 @@ impl Trajectory {
         let part = self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
             values[range.start * width..range.end * width].to_vec()
         });
+        // A part that ends earlier does not end in the fall.
         Ok(Trajectory { fell: self.fell && range.end == self.len(), ..part })
     }
 

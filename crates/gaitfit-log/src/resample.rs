@@ -200,6 +200,7 @@ fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -
     let rest = 1.0 - fraction;
     // Hermite's cubic less the line.
     let bend = fraction * rest * (rest * (slope_from - rise) - fraction * (slope_to - rise));
+    // Where a velocity is missing, the line stays.
     if fraction == 0.0 || !bend.is_finite() { 0.0 } else { bend }
 }
 

@@ -42,6 +42,7 @@ fn span(windows: &[Window]) -> std::ops::Range<usize> {
 }
 
 fn between(log: &Trajectory, span: &std::ops::Range<usize>) -> String {
+    // An empty span at 0 wraps to a place that no log has, and `get` finds nothing.
     match (log.time.get(span.start), log.time.get(span.end.wrapping_sub(1))) {
         (Some(from), Some(to)) => format!("from {} to {} s", decimals(*from, 2), decimals(*to, 2)),
         _ => "throughout".into(),
@@ -204,6 +205,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
 fn longest_below(values: &[f64], bound: f64, min: usize) -> Option<std::ops::Range<usize>> {
     let mut longest: Option<std::ops::Range<usize>> = None;
     let mut start = None;
+    // One step beyond the end closes a stretch that reaches it.
     for i in 0..=values.len() {
         let below = values.get(i).is_some_and(|value| *value < bound);
         match (below, start) {

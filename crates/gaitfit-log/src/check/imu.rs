@@ -294,6 +294,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
     if first < ALONG {
         return false;
     }
+    // A turn about x and one about y both put a unit upside down, and gravity does not show which it was.
     let other = if z > ALONG { " or mounting = [0, 180, 0], whichever the unit is turned about" } else { "" };
     let message = format!(
         "gravity points along {direction} of the inertial unit all the time while the legs move: the unit is mounted turned, or the \
