@@ -138,6 +138,7 @@ impl Frame {
                 sparse.columns.insert(label, (column.rows, column.values.reals()));
                 continue;
             }
+            // A row without a time has no place.
             if column.values.len() != self.rows {
                 return Err(TableError::NoTime(label).into());
             }
@@ -185,6 +186,7 @@ impl Frame {
                 }
                 Some(lengths) => {
                     let width = lengths.first().copied().unwrap_or(0);
+                    // An array is rectangular.
                     if lengths.len() != rows || width == 0 || lengths.iter().any(|length| *length != width) {
                         left_out.push(format!("{}: lists of different lengths, or none", shown(&label)));
                         continue;

@@ -63,6 +63,7 @@ impl Common {
     fn new(tables: &[Table], base: usize, joined: &mut Joined) -> Result<Self, ImportError> {
         let state = &tables[base];
         let placed = tables.iter().map(|_| None).collect();
+        // Infinite, because there may be no stream that bounds the time.
         let mut common = Self { from: f64::NEG_INFINITY, to: f64::INFINITY, placed };
         let has_targets =
             tables.iter().any(|table| table.columns.keys().any(|name| name.starts_with("qdes_")));

@@ -134,6 +134,7 @@ impl Role {
 
 /// What an array called `name` holds, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and their like use.
 pub(crate) fn role(name: &str) -> Option<Role> {
+    // Only the last part of a path names the quantity.
     let name = name.rsplit(['/', '.']).next().unwrap_or(name).to_lowercase();
     Some(match name.as_str() {
         "time" | "t" | "times" | "timestamp" | "timestamps" | "stamp" | "__time" | "time_s" | "time_ms"

@@ -91,6 +91,7 @@ fn records(
                 }
             }
             op::MESSAGE => {
+                // A message of a channel that no record describes is passed over.
                 if let Record::Message { header, data } = parse(code, body)?
                     && let Some(number) = seen.channels.get(&header.channel_id)
                 {

@@ -192,6 +192,7 @@ impl<W: Write + Seek> McapLog<W> {
     fn send(&mut self, topic: &'static str, ns: u64, message: Message) -> Result<(), ImportError> {
         let channel_id = match self.channels.get(topic) {
             Some(channel) => *channel,
+            // With its first message, so that a topic without messages does not show.
             None => {
                 let (kind, definition) = definition(topic);
                 let schema = self.writer.add_schema(kind, "ros2msg", definition.as_bytes());
@@ -251,6 +252,7 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
             command: numbers(&log.command, sample),
             quaternion: numbers(&base.quaternion, sample),
             angular_velocity: numbers(&base.angular_velocity, sample),
+            // A trajectory has no torques, accelerations and temperatures.
             ..McapRow::default()
         })?;
     }

@@ -71,6 +71,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
         let names = listed(unknown.iter().map(|name| shown(name)), 12);
         source.left_out.push(format!("columns of no known name: {names}"));
     }
+    // A table without known columns takes no part in the join.
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
 }
@@ -94,7 +95,6 @@ fn note_taken(source: &mut Source, mapping: &Mapping) {
         return;
     }
     let mut names: Vec<&String> = source.tables.iter().map(|table| &table.name).collect();
-    // Tables of one topic follow one another.
     names.dedup();
     let columns = source.tables.iter().flat_map(|table| table.columns.keys());
     let all: Vec<&String> = names.iter().copied().chain(columns).collect();
@@ -149,6 +149,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
     for (role, names) in named(&mapping.columns) {
         match names {
             None => {}
+            // A list names each component. A pattern may fit any number of columns.
             Some(Names::Each(list)) => {
                 let Some(columns) = role.columns(list.len()).filter(|columns| columns.len() == list.len())
                 else {
@@ -366,6 +367,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
                 values.iter_mut().for_each(|value| *value *= factor);
             }
         }
+        // A table without times needs a rate that somebody states.
         if table.time.is_empty() {
             let rate = mapping.rate_hz.or(mapping.usual_rate_hz).ok_or_else(|| ImportError::Clock {
                 stream: table.name.clone(),
@@ -374,6 +376,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
             table.time = (0..table.rows()).map(|row| row as f64 / rate).collect();
             table.clock = "the stated rate";
         } else if let Some(name) = &table.time_name {
+            // Times without a name are in seconds already.
             let problem = |problem| ImportError::Clock { stream: table.name.clone(), problem };
             if table.time.iter().any(|time| !time.is_finite()) {
                 return Err(problem("a sample without a time".into()));

@@ -79,6 +79,7 @@ pub(crate) fn read(
             None => f64::from(row),
         };
         sparse.time.push(at);
+        // A spare cell at the end of a row is left out.
         for (column, cell) in record.iter().enumerate().take(names.len()) {
             if cell.is_empty() || Some(column) == time {
                 continue;

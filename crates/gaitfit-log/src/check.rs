@@ -90,6 +90,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
     copies::check(&mut findings);
+    // Where no joint moves, nothing speaks against the clock.
     imu::check(&mut findings, scales.shared.is_none_or(|shared| scale::equal(shared, 1.0)));
     velocity::check(&mut findings, &scales, rate_is_said);
     lag::check(&mut findings, &scales);
@@ -123,6 +124,7 @@ impl Findings<'_> {
         message: String,
     ) {
         let time = &self.log.time;
+        // A span without samples counts as the whole log.
         let span = span.filter(|span| span.start < span.end && span.end <= time.len()).map(|span| Span {
             start: span.start,
             end: span.end,

@@ -109,6 +109,7 @@ impl Trajectory {
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
+            // A motion runs on by itself and is not simply blended.
             motion: self.motion.as_deref().map(|values| motion::at(&self.time, values, &places.measured)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),

@@ -39,6 +39,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
         };
         rest = after;
         match message.header().map_err(damaged)? {
+            // A second schema is passed over.
             Some(MessageHeaderRef::Schema(schema)) if fields.is_none() => {
                 if schema.endianness().map_err(damaged)? == Endianness::Big {
                     return Err(ColumnarError::NotRead(

@@ -88,6 +88,7 @@ fn walk(
     }
     here.list = is_list(element);
     here.inside = repeats && above.list;
+    // An empty group has no type either.
     if children > 0 || element.type_.is_none() {
         for _ in 0..children {
             walk(schema, next, &here, out)?;

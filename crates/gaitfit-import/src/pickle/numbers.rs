@@ -188,6 +188,7 @@ impl Numbers<'_, '_> {
                             None => return Ok(None),
                         },
                         Node::Tensor(tensor) => self.tensor(tensor)?,
+                        // Lists go two deep here.
                         Node::List(numbers) => {
                             self.budget.take_values(numbers.len())?;
                             let number = |id: &Id| match &nodes[*id] {

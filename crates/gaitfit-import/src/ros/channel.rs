@@ -189,6 +189,7 @@ impl<'a> Messages<'a> {
             let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
             return Err(MessageError::NoTopic { wanted: missing.clone(), found }.into());
         }
+        // Lists as Rust prints them are JSON too.
         let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.metadata.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
         source.robot = self.metadata.get("robot").cloned();

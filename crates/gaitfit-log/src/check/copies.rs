@@ -76,6 +76,7 @@ pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> 
             continue;
         }
         let end = (at..rows).find(|i| !zero(*i)).unwrap_or(rows);
+        // A run that reaches the end has no row behind it.
         if end < rows && end - at <= LONGEST && away(at - 1) && away(end) {
             runs.push(at..end);
         }

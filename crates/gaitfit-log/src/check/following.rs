@@ -22,6 +22,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     single_joints(findings, &windows, &stuck);
     resting(findings, &windows, spec);
     super::imu::hanging(findings);
+    // A unit that is mounted turned would look like a robot that fell.
     if !super::imu::mounting(findings, spec) {
         base(findings, spec);
     }
@@ -31,6 +32,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
 pub(super) fn is_stuck(window: &Window) -> bool {
     let asked = window.joints.iter().filter(|joint| joint.asked).count();
     let held = window.joints.iter().filter(|joint| joint.asked && !joint.follows).count();
+    // A single joint is another finding.
     held >= 2 && 2 * held > asked
 }
 

@@ -111,6 +111,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 }
             }
         }
+        // One finding a signal, with the worst joint as its example.
         let Some((joint, over)) = worst else { continue };
         let name = &log.joints[joint];
         let [low, high] = spec.position_limits[name];

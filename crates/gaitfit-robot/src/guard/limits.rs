@@ -67,6 +67,7 @@ impl Limits {
         // At its greatest speed a joint may only be braked.
         let max = if dq >= speed { 0.0 } else { torque };
         let min = if dq <= -speed { 0.0 } else { -torque };
+        // The torque that the motor board will make in this state.
         let commanded = command.torque(q, dq);
         if (min..=max).contains(&commanded) {
             return command;

@@ -143,6 +143,7 @@ impl<'a> Simulated<'a> {
     fn step(&mut self) {
         for (motor, &joint) in self.joints.iter().enumerate() {
             let (q, dq) = (self.motion.joint_position[joint], self.motion.joint_velocity[joint]);
+            // Before the first command the motors give no torque.
             let wanted = self.command.map_or(0.0, |command| command[motor].torque(q, dq));
             // Between two commands the joint moves and the torque with it, so the motor's limit acts at every
             // step.

@@ -61,6 +61,7 @@ impl Topic {
 
     /// Makes a topic of its names in DDS; `None` where they are not ROS 2's.
     pub fn from_dds(name: &str, kind: &str) -> Option<Self> {
+        // The slash stays: a topic's name in ROS begins with it.
         let name = name.strip_prefix("rt").filter(|name| name.starts_with('/'))?;
         let (package, kind) = kind.split_once("::msg::dds_::")?;
         Some(Self { name: name.to_owned(), kind: format!("{package}/msg/{}", kind.strip_suffix('_')?) })

@@ -195,6 +195,7 @@ impl Flight {
             return damping(&self.damping);
         }
         let (stage, time) = plan.stage(now.saturating_sub(self.begun));
+        // The plan is over: this end is orderly and has no reason.
         if stage == Stage::Damping {
             (self.stage, self.damped) = (stage, now);
             return damping(&self.damping);

@@ -135,6 +135,7 @@ impl Smooth {
 
     /// A value `back` steps before the row `at`.
     fn before(values: &[f64], at: usize, back: usize) -> f64 {
+        // Linear between rows, because a step is an eighth of a row.
         let exact = back as f64 * PART;
         let part = exact.fract();
         let value = |back: usize| values[at.saturating_sub(back)];
@@ -157,6 +158,7 @@ impl Smooth {
             xy += command * torque;
             yy += torque * torque;
         }
+        // From here on about the means.
         (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
         // Rounding may leave a little less than 0.

@@ -129,6 +129,7 @@ fn equation(
         return Some(Equation { delay, inertia, damping, friction, weight });
     }
     // Without a delay of its own the joint gets the one that its torque shows.
+    // The steps are the inverse of `seconds`.
     let [_, damping, friction, weight] = solved(((otherwise + HELD) / DELAY_STEP).round().max(0.0) as usize)?;
     Some(Equation { delay: None, inertia: None, damping, friction, weight })
 }

@@ -99,6 +99,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let other = (0..robot.motors.len())
         .filter(|index| *index != motor)
         .map(|index| (index, (by(index) - f64::from(last.command[index].q - first.command[index].q)).abs()))
+        // Clearly off: by half of this joint's way at least.
         .filter(|(_, far)| *far > 0.5 * wanted.abs() && *far > 2.0 * MOVED)
         .max_by(|a, b| a.1.total_cmp(&b.1));
     // From the cause that explains most to the one that is left: a motor without torque also sticks.

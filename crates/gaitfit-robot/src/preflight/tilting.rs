@@ -92,6 +92,7 @@ impl Tilting {
             // The first message: the robot is still until the next one shows a turn.
             None => Some(true),
         };
+        // Between such messages the older one stays the reference.
         if let Some(still) = still {
             self.last = Some((one.came, q));
             match still {

@@ -33,6 +33,7 @@ pub(super) fn mean_attitude(heard: &[Heard]) -> Option<Quat> {
 /// Roll, pitch and yaw, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
 pub(super) fn roll_pitch_yaw(q: Quat) -> [f64; 3] {
     let [w, x, y, z] = q;
+    // Rounding may bring the sine beyond 1.
     let pitch = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();
     let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
     let yaw = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));

@@ -88,6 +88,7 @@ impl Robot {
             }
             taken.push(slot);
             for name in std::iter::once(name).chain(&motor.aliases) {
+                // `Motor::moves` takes the ending away before it compares.
                 if name.is_empty() || name.ends_with("_joint") || named.contains(&name) {
                     return Some(format!("motor `{name}`: name each joint once, without `_joint`"));
                 }

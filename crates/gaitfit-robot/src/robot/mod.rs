@@ -250,6 +250,7 @@ impl Robot {
     /// A policy for other joints.
     pub fn postures(&self, interface: &Interface) -> Result<Postures, RobotError> {
         let motors = self.motors_of(&interface.joints)?;
+        // First all motors as if they were held; the policy's own follow below.
         let mut postures = Postures {
             lying: self.each(|motor| motor.lying),
             standing: self.each(|motor| motor.held.unwrap_or(motor.lying)),

@@ -135,6 +135,7 @@ impl Robot {
         if self.guard.temperature.is_none() {
             return Some("`guard.temperature` is missing; give the hottest a motor may be, in °C".to_owned());
         }
+        // A key without effect would hide a mistake.
         let keys = [
             ("imu_topic", self.imu_topic.is_some()),
             ("command_type", self.command_type.is_some()),

@@ -79,6 +79,7 @@ impl Script {
             walks.push([begin, end]);
             begin = end + pause;
         }
+        // All walks together are checked like one: their whole time is bounded too.
         Ok(Self { walks, many: true, ..Self::new(rows)? })
     }
 

@@ -24,12 +24,14 @@ struct Rows {
 
 impl Write for Rows {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        // Kept until the row is whole.
         self.row.extend_from_slice(bytes);
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
         let written = self.file.put(&self.row);
+        // A row that could not be written is not tried again.
         self.row.clear();
         written
     }
