@@ -182,6 +182,7 @@ fn without_position(
     left_out: &mut Vec<String>,
 ) -> Result<(), ImportError> {
     let mut others: IndexMap<&str, &str> = IndexMap::new();
+    // Any quantity of a joint shows that there is such a joint.
     for name in columns.keys() {
         for (prefix, what) in [("dq_", "a velocity"), ("qdes_", "a target"), ("act_", "an action")] {
             if let Some(joint) =

@@ -114,6 +114,7 @@ impl Frame {
         budget: &mut Budget,
     ) -> Result<Source, Problem> {
         let left_out = std::mem::take(&mut self.left_out);
+        // One column of lists makes arrays of all.
         let has_lists = self.columns.values().any(|column| column.lengths.is_some());
         let cut = self.cut;
         let mut source = match has_lists {

@@ -99,7 +99,9 @@ impl Role {
             Role::TargetVelocity => joints("dqdes_"),
             Role::FeedForward => joints("tauff_"),
             Role::Observation => joints("obs_"),
+            // An array of another width is something else of that name.
             Role::Gravity if width == 3 => fixed(&PROJECTED_GRAVITY),
+            // A command may have more numbers than are taken.
             Role::Command => fixed(&COMMAND),
             Role::CommandXy => fixed(&COMMAND[..2]),
             Role::CommandYaw => fixed(&COMMAND[2..]),
@@ -268,6 +270,7 @@ fn known_name(name: &str) -> Option<String> {
     if let Some(axis) = gaitfit_log::gravity_axis(name) {
         return Some(PROJECTED_GRAVITY[axis].to_owned());
     }
+    // Columns that this crate's readers have numbered.
     let marked = |name: &str| name.split_once("_#").is_some_and(|(prefix, _)| PER_JOINT.contains(&prefix));
     if marked(name) {
         return Some(name.to_owned());

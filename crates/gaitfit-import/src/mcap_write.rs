@@ -257,6 +257,7 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
         })?;
     }
     file.finish()?;
+    // It borrows the bytes.
     drop(file);
     let velocities = !log.velocity_joints.is_empty();
     let left_out = [

@@ -331,6 +331,7 @@ fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Resu
         let columns = || source.tables.iter().flat_map(|table| table.columns.keys());
         let numbers = columns().filter_map(|name| name.strip_prefix(mark)?.parse::<usize>().ok());
         let there: std::collections::HashSet<usize> =
+            // Numbers beyond the names are spare motors, which were judged before.
             numbers.filter(|number| *number < names.len()).collect();
         if there.is_empty() {
             continue;

@@ -125,6 +125,7 @@ impl Header<'_> {
                 self.orphans.push((column, format!("there is no `q_{joint}`")));
             }
         }
+        // A signal may be missing for all joints, but not for some.
         if !needed && columns.iter().all(Option::is_none) {
             return Ok(None);
         }

@@ -148,6 +148,7 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
     let needed = |columns| Channel { columns, optional: false, refuse: None };
     let base = |columns| Channel { columns: some(columns), optional: true, refuse: None };
     let sensed = |columns, refuse| Channel { columns: some(columns), optional: true, refuse: Some(refuse) };
+    // In the order in which `assemble` takes them. `ANGLES` and `RATES` are places in it.
     [
         needed(&layout.position),
         needed(&layout.velocity),

@@ -170,6 +170,7 @@ impl Columns {
         }
         let mut ends = [(0, "", 1.0); 3];
         for (end, [first, second]) in ends.iter_mut().zip(ENDS) {
+            // Of two units exactly one may be there: with both it is not known which one the person filled.
             *end = match (at(first.0), at(second.0)) {
                 (Some(column), None) => (column, first.0, first.1),
                 (None, Some(column)) => (column, second.0, second.1),

@@ -162,6 +162,7 @@ pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 
 /// `count` entries of a dictionary by their places.
 pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, Problem> {
+    // The first byte is the width of the places, in bits.
     let (width, rest) = bytes.split_first().ok_or_else(|| damaged(CUT))?;
     let places = hybrid(rest, usize::from(*width), count)?;
     let missing = || damaged("a place beyond its dictionary");

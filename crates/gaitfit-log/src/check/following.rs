@@ -178,6 +178,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
     if let Some(quaternion) = &base.quaternion {
         let upright: Vec<f64> = quaternion.chunks_exact(4).map(|q| spec.upright(q)).collect();
         if let Some(span) = longest_below(&upright, TILTED, min) {
+            // Rounding may bring the cosine beyond 1.
             let tilt =
                 upright[span.clone()].iter().fold(1.0f64, |low, &up| low.min(up)).clamp(-1.0, 1.0).acos();
             let message = format!(

@@ -58,6 +58,7 @@ fn named(reading: &Reading) -> (FindingKind, String) {
         return (FindingKind::ImuMounting, what);
     }
     let mut parts = Vec::new();
+    // Of several faults the last one below names the kind; the words have them all.
     let mut kind = FindingKind::ImuFrame;
     if reading.negated {
         parts.push("have the opposite sign");
@@ -144,6 +145,7 @@ pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Fin
         .chunks_exact(3)
         .flat_map(|angles| from_rpy(angles[0].to_radians(), angles[1].to_radians(), angles[2].to_radians()));
     mended.base.as_mut()?.quaternion = Some(orientation.collect());
+    // Taken only if orientation and rates agree in degrees.
     let so = imu_fit::judge(&mended).filter(|verdict| verdict.as_named < FITS)?;
     *log = mended;
     let message = format!(

@@ -99,6 +99,7 @@ fn scaled(
         return;
     }
     let factor = if equal(low, high) {
+        // Factors multiply, so the middle is the geometric mean.
         short((low * high).sqrt())
     } else {
         format!("{} to {}", short(low), short(high))

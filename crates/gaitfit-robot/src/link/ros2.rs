@@ -70,6 +70,7 @@ impl Joining {
             Parts { states: Arc::new(Mutex::new(states)), names: Arc::clone(&names), inbox: self.inbox() };
         let dds = |topic: &Topic| (topic.dds_name(), topic.dds_type());
         let (name, kind) = dds(&ros.imu);
+        // Each topic has a thread of its own, with the same parts.
         let into = parts.clone();
         self.hear((&name, &kind), "imu", move |message: Imu| into.imu(&message))?;
         let (name, kind) = dds(&ros.states);

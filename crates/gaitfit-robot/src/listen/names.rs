@@ -25,6 +25,7 @@ impl Topic {
     /// In words: names that no topic or type can have.
     pub fn new(name: &str, kind: &str) -> Result<Self, String> {
         let shown = name.escape_debug();
+        // ROS 2 allows no other letters in names.
         let plain = |text: &str, more: &str| {
             !text.is_empty()
                 && text.len() <= LONGEST

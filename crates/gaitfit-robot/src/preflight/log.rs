@@ -124,6 +124,7 @@ pub fn motion_csv(flown: &Flown, sampled: &SampledStates, robot: &Robot) -> Opti
     // The ways to and from the hanging pose start from anywhere and are no part of the log.
     let kept = |row: &&Row| matches!(row.stage, Stage::Hold | Stage::Joint(_) | Stage::Excite);
     let rows: Vec<&Row> = sampled.rows.iter().filter(kept).collect();
+    // The log's time begins at 0.
     let begin = rows.first()?.time;
     let gains =
         |values: &[f32]| values.iter().map(|x| format!("{:?}", f64::from(*x))).collect::<Vec<_>>().join(", ");

@@ -219,6 +219,7 @@ impl Robot {
         let mut indices: Vec<usize> = Vec::with_capacity(self.motors.len());
         for joint in joints {
             let motor = self.motors.iter().position(|motor| motor.moves(joint));
+            // Two names of one motor name it twice.
             match motor.filter(|motor| !indices.contains(motor)) {
                 Some(motor) => indices.push(motor),
                 None => {

@@ -165,6 +165,7 @@ impl Robot {
 
     fn wrong_order(&self) -> Option<String> {
         let array = self.command_type == Some(CommandType::Float64MultiArray);
+        // Only arrays have an order, and they need one.
         let order = match &self.command_order {
             None if array => {
                 return Some(

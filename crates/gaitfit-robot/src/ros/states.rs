@@ -168,6 +168,7 @@ impl States {
             (places.next(), places.next())
         };
         let places: Vec<_> = self.motors.iter().map(place).collect();
+        // Another program may publish joints of its own on this topic.
         if places.iter().all(|(first, _)| first.is_none()) {
             return Ok(false);
         }

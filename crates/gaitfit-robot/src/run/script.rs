@@ -42,6 +42,7 @@ impl Script {
         }
         for (index, (time, command)) in rows.iter().enumerate() {
             let line = index + 1;
+            // NaN is in no range.
             if !(0.0..=MAX_WALK_SECONDS).contains(time) || index > 0 && *time <= rows[index - 1].0 {
                 return refuse(format!(
                     "time {line} is {time}; give seconds up to {MAX_WALK_SECONDS}, each later than the one before"

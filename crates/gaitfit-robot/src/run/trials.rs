@@ -39,6 +39,7 @@ pub fn trials(repeats: usize, speeds: [f32; 3]) -> Result<Vec<Trial>, RobotError
     if !(1..=MAX_REPEATS).contains(&repeats) {
         return refuse(format!("{repeats} drift trials of each direction; give 1 to {MAX_REPEATS}"));
     }
+    // A direction without speed would be a trial of standing.
     let directions = (0..3).filter(|&part| speeds[part] > 0.0).flat_map(|part| {
         [1.0, -1.0].into_iter().zip(DIRECTIONS[part]).map(move |(sign, direction)| {
             let mut command = [0.0; 3];
