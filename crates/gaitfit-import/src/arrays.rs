@@ -22,6 +22,7 @@ impl Array {
     /// Rows and columns: the first axis, and all others together.
     fn rows_and_width(&self) -> (usize, usize) {
         let rows = self.shape.first().copied().unwrap_or(1);
+        // An array without rows has no width.
         (rows, self.data.len().checked_div(rows).unwrap_or(0))
     }
 }
@@ -77,6 +78,7 @@ fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), Problem> {
     for (name, array) in &arrays.numbers {
         let Some(role) = role_of(name, mapping).filter(|role| *role != Role::Time) else { continue };
         let width = array.rows_and_width().1;
+        // A single number, or a width that the role does not have, makes no column of this quantity.
         if array.shape.is_empty() || role.columns(width).is_none() {
             continue;
         }
@@ -128,12 +130,14 @@ pub(crate) fn source(
         // arrays.
         if !whole && !source.taken.is_empty() {
             arrays.numbers.retain(|array, _| take.iter().any(|wanted| begins(array, wanted)));
+            // The joints' names stay whatever is taken: they name the columns of all arrays.
             arrays.words.retain(|array, _| {
                 role(array) == Some(Role::JointNames) || take.iter().any(|wanted| begins(array, wanted))
             });
         }
         source.chosen = true;
     }
+    // First what cannot be read as one log is refused.
     one_each(&arrays, mapping)?;
     let mut table = Table { name: name.to_owned(), clock: "the file's times", ..Table::default() };
     // How many arrays have each number of rows.
@@ -172,6 +176,7 @@ pub(crate) fn source(
             }
             Some(Role::Time) if width == 1 && table.time.is_empty() => {
                 table.time.clone_from(&array.data);
+                // Only the last part of a path can name the unit.
                 table.time_name = Some(name.rsplit('/').next().unwrap_or(name).to_owned());
             }
             _ => {

@@ -134,6 +134,8 @@ pub(crate) fn trajectory(
     let action = all.of_joints("act_", left_out);
     let base = all.base(&time);
     let rate_hz = rate(&time, mapping.rate_hz)?;
+    // Gains that nobody stated may come from the columns; then velocities and torques can be folded into
+    // targets.
     let mut gains = gains(&joints, sources, mapping)?;
     let motors = all.motors();
     noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
@@ -180,6 +182,7 @@ fn without_position(
     left_out: &mut Vec<String>,
 ) -> Result<(), ImportError> {
     let mut others: IndexMap<&str, &str> = IndexMap::new();
+    // Any quantity of a joint shows that there is such a joint.
     for name in columns.keys() {
         for (prefix, what) in [("dq_", "a velocity"), ("qdes_", "a target"), ("act_", "an action")] {
             if let Some(joint) =
@@ -214,6 +217,7 @@ fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
         let span = time[after] - time[before];
         for joint in 0..width {
             let change = position[after * width + joint] - position[before * width + joint];
+            // A single sample has no span.
             out.push(if span > 0.0 { change / span } else { 0.0 });
         }
     }

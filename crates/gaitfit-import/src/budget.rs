@@ -46,6 +46,7 @@ pub(crate) fn read_all(
     use std::io::Read;
     let mut out = Vec::new();
     let limit = budget.bytes_left() as u64;
+    // One byte more than is left, so that too much is noticed and not cut off.
     reader
         .take(limit.saturating_add(1))
         .read_to_end(&mut out)

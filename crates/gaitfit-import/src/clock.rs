@@ -267,6 +267,7 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
 /// Whether the values of `row` differ from those of the row before.
 fn is_new(table: &Table, row: usize) -> bool {
     table.columns.values().any(|column| match (column.get(row), column.get(row - 1)) {
+        // Two NaN count as one value: a missing cell that repeats is no news.
         (Some(own), Some(before)) => own != before && !(own.is_nan() && before.is_nan()),
         _ => false,
     })

@@ -71,6 +71,7 @@ impl Column {
     fn reals(values: Values, per_second: Option<f64>) -> Vec<f64> {
         match (values, per_second) {
             (Values::Integers(values), Some(unit)) => {
+                // Subtracted as integers: nanoseconds since 1970 have 19 digits, and an f64 has 16.
                 let first = values.first().copied().unwrap_or(0);
                 values.iter().map(|value| value.saturating_sub(first) as f64 / unit).collect()
             }
@@ -113,6 +114,7 @@ impl Frame {
         budget: &mut Budget,
     ) -> Result<Source, Problem> {
         let left_out = std::mem::take(&mut self.left_out);
+        // One column of lists makes arrays of all.
         let has_lists = self.columns.values().any(|column| column.lengths.is_some());
         let cut = self.cut;
         let mut source = match has_lists {
@@ -137,6 +139,7 @@ impl Frame {
                 sparse.columns.insert(label, (column.rows, column.values.reals()));
                 continue;
             }
+            // A row without a time has no place.
             if column.values.len() != self.rows {
                 return Err(TableError::NoTime(label).into());
             }
@@ -184,6 +187,7 @@ impl Frame {
                 }
                 Some(lengths) => {
                     let width = lengths.first().copied().unwrap_or(0);
+                    // An array is rectangular.
                     if lengths.len() != rows || width == 0 || lengths.iter().any(|length| *length != width) {
                         left_out.push(format!("{}: lists of different lengths, or none", shown(&label)));
                         continue;

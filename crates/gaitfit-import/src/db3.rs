@@ -22,6 +22,7 @@ pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budge
     {
         database.each(&table, &mut |cells| {
             let word = |column: usize| cells.get(column).and_then(|cell| cell.text());
+            // Other encodings (IDL) are not understood. Types that are known here need no definition.
             if let (Some(kind), Some("ros2msg"), Some(text)) = (word(kind), word(encoding), word(text)) {
                 budget.take_bytes(text.len())?;
                 definitions.insert(kind.to_owned(), text.into());

@@ -12,6 +12,7 @@ impl DType {
     /// A type such as `<f8`, `|b1`, `<U12`. `None` for what is not read: objects, dates, complex numbers, structures.
     pub fn parse(text: &str) -> Option<DType> {
         let (order, rest) = match text.as_bytes().first()? {
+            // `|` has no order and `=` is the writer's, which is taken for little-endian.
             b'<' | b'|' | b'=' => (b'<', &text[1..]),
             b'>' => (b'>', &text[1..]),
             _ => (b'<', text),
@@ -22,6 +23,7 @@ impl DType {
             b'f' => matches!(size, 2 | 4 | 8),
             b'i' | b'u' => matches!(size, 1 | 2 | 4 | 8),
             b'b' => size == 1,
+            // The size comes from the file: no name of a joint has so many letters.
             b'U' | b'S' => size < 1 << 16,
             _ => false,
         };

@@ -102,7 +102,10 @@ impl Reader<'_> {
             DType::F32 | DType::F64 => {}
             DType::I8 | DType::I16 | DType::I32 | DType::I64 => {}
             DType::U8 | DType::U16 | DType::U32 | DType::U64 => {}
+            // Words name joints or columns, so more of them than columns are not read.
             DType::String | DType::VariableLengthString if elements <= crate::table::MAX_COLUMNS => {
+                // The words may be longer than their references; the library may make `MAX_WORDS` bytes of
+                // them.
                 self.budget.take_bytes(raw.max(MAX_WORDS))?;
                 let words = match kind {
                     DType::String => dataset.read_string().map_err(library)?,

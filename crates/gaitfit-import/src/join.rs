@@ -63,6 +63,7 @@ impl Common {
     fn new(tables: &[Table], base: usize, joined: &mut Joined) -> Result<Self, ImportError> {
         let state = &tables[base];
         let placed = tables.iter().map(|_| None).collect();
+        // Infinite, because there may be no stream that bounds the time.
         let mut common = Self { from: f64::NEG_INFINITY, to: f64::INFINITY, placed };
         let has_targets =
             tables.iter().any(|table| table.columns.keys().any(|name| name.starts_with("qdes_")));
@@ -129,6 +130,7 @@ fn columns_at(time: &[f64], table: &Table, placed: Option<&[Option<usize>]>) -> 
             }
             match (values.get(row + 1), table.time.get(row + 1)) {
                 (Some(next), Some(later)) => {
+                    // Because of the slack, the row may be a little later than the sample.
                     let fraction =
                         ((time[sample] - table.time[row]) / (later - table.time[row])).clamp(0.0, 1.0);
                     // Not 0 × next, which may be NaN.

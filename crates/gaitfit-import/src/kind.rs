@@ -65,6 +65,7 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
     } else if starts(b"\x93NUMPY") {
         Some(Kind::Npy)
     } else if starts(b"PK\x03\x04") || starts(b"PK\x05\x06") {
+        // Both are zip archives.
         Some(if torch::is_torch(bytes) { Kind::Torch } else { Kind::Npz })
     } else if starts(PARQUET) {
         Some(Kind::Parquet)

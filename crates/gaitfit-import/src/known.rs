@@ -99,7 +99,9 @@ impl Role {
             Role::TargetVelocity => joints("dqdes_"),
             Role::FeedForward => joints("tauff_"),
             Role::Observation => joints("obs_"),
+            // An array of another width is something else of that name.
             Role::Gravity if width == 3 => fixed(&PROJECTED_GRAVITY),
+            // A command may have more numbers than are taken.
             Role::Command => fixed(&COMMAND),
             Role::CommandXy => fixed(&COMMAND[..2]),
             Role::CommandYaw => fixed(&COMMAND[2..]),
@@ -134,6 +136,7 @@ impl Role {
 
 /// What an array called `name` holds, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and their like use.
 pub(crate) fn role(name: &str) -> Option<Role> {
+    // Only the last part of a path names the quantity.
     let name = name.rsplit(['/', '.']).next().unwrap_or(name).to_lowercase();
     Some(match name.as_str() {
         "time" | "t" | "times" | "timestamp" | "timestamps" | "stamp" | "__time" | "time_s" | "time_ms"
@@ -267,6 +270,7 @@ fn known_name(name: &str) -> Option<String> {
     if let Some(axis) = gaitfit_log::gravity_axis(name) {
         return Some(PROJECTED_GRAVITY[axis].to_owned());
     }
+    // Columns that this crate's readers have numbered.
     let marked = |name: &str| name.split_once("_#").is_some_and(|(prefix, _)| PER_JOINT.contains(&prefix));
     if marked(name) {
         return Some(name.to_owned());

@@ -104,8 +104,11 @@ fn usual(state: &[f64], table: &Table, new: &[usize], step: f64, wrap: f64) -> f
         .iter()
         .filter_map(|message| {
             let at = table.time[*message];
+            // A message before the first row answers none.
             let before = state.partition_point(|time| *time <= at + SAME).checked_sub(1)?;
+            // Within `SAME` it may be a little below 0.
             let lead = (at - state[before]).max(0.0);
+            // After so long a time a row is missing, and the phase shows nothing.
             (lead < 1.5 * step).then_some(lead / step)
         })
         .collect();

@@ -171,6 +171,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         let rate_hz = mapping.rate_hz.or(source.stated.rate_hz.map(|rate| rate / every));
         let later = source.origin_ns.saturating_sub(first) as f64 / 1e9;
         for mut table in std::mem::take(&mut source.tables) {
+            // Without a date on both sides the times stay as they are.
             if source.origin_ns != 0 && first != 0 && later != 0.0 {
                 table.time.iter_mut().for_each(|time| *time += later);
             }
@@ -194,6 +195,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
         return Err(ImportError::NothingToShift);
     }
+    // An observation that nobody unpacked may hold the missing positions.
     let observed = report.left_out.iter().find(|line| line.contains(observation::UNPACK));
     let mut joined = join::join(tables).map_err(|error| match (error, observed) {
         (ImportError::NoPositions { found }, Some(observed)) => {
@@ -203,6 +205,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     })?;
     report.assumed.append(&mut joined.assumed);
     report.dropped = joined.dropped;
+    // Files that state a lead have their targets in the right rows already.
     joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));
     report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);

@@ -221,6 +221,7 @@ impl Mapping {
         }
         if let Some(joints) = &mapping.joints {
             for (i, joint) in joints.iter().enumerate() {
+                // A name that is there twice would make one column of two joints.
                 if joint.is_empty() || joints[..i].contains(joint) {
                     return refuse(format!(
                         "joints: `{joint}` is empty or there twice; name each joint once"

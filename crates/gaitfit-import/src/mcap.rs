@@ -44,12 +44,14 @@ fn records(
 ) -> Result<bool, Problem> {
     while let Some((head, after)) = rest.split_at_checked(9) {
         let code = head[0];
+        // A record begins with its kind (1 byte) and its length (8 bytes, little-endian).
         let size = head[1..].iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
         let body = usize::try_from(size).ok().and_then(|size| after.split_at_checked(size));
         // A record that is not complete: the recorder was killed. All before it counts.
         let Some((body, next)) = body else { return Ok(true) };
         rest = next;
         match code {
+            // After the footer there is only the magic once more.
             op::FOOTER if outside => return Ok(false),
             op::CHUNK if outside => {
                 let Record::Chunk { header, data } = parse(code, body)? else { continue };
@@ -89,6 +91,7 @@ fn records(
                 }
             }
             op::MESSAGE => {
+                // A message of a channel that no record describes is passed over.
                 if let Record::Message { header, data } = parse(code, body)?
                     && let Some(number) = seen.channels.get(&header.channel_id)
                 {

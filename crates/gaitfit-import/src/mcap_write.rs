@@ -146,6 +146,7 @@ impl<W: Write + Seek> McapLog<W> {
         // Messages have unsigned times, so a log on a clock of its own is shifted once, by its first row.
         let start = if row.time >= UNIX_S { 0.0 } else { 1.0 - row.time };
         let at = row.time + *self.shift.get_or_insert(start);
+        // Stamps of ROS 2 have 32 bits of seconds with a sign.
         if !(0.0..=f64::from(i32::MAX)).contains(&at) {
             let problem = format!("{} s is no time that a message can have; cut the log there", row.time);
             return Err(ImportError::Clock { stream: "the log".into(), problem });
@@ -191,6 +192,7 @@ impl<W: Write + Seek> McapLog<W> {
     fn send(&mut self, topic: &'static str, ns: u64, message: Message) -> Result<(), ImportError> {
         let channel_id = match self.channels.get(topic) {
             Some(channel) => *channel,
+            // With its first message, so that a topic without messages does not show.
             None => {
                 let (kind, definition) = definition(topic);
                 let schema = self.writer.add_schema(kind, "ros2msg", definition.as_bytes());
@@ -250,10 +252,12 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
             command: numbers(&log.command, sample),
             quaternion: numbers(&base.quaternion, sample),
             angular_velocity: numbers(&base.angular_velocity, sample),
+            // A trajectory has no torques, accelerations and temperatures.
             ..McapRow::default()
         })?;
     }
     file.finish()?;
+    // It borrows the bytes.
     drop(file);
     let velocities = !log.velocity_joints.is_empty();
     let left_out = [
@@ -314,6 +318,7 @@ impl Message {
         let mut message = Message::new(ns);
         let mut part = |values: &[f64], known: bool| {
             message.numbers(values);
+            // Zeros: it is measured, and its covariance is not known (`sensor_msgs/msg/Imu`).
             message.numbers(&[if known { 0.0 } else { -1.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         };
         let [w, x, y, z] = row.quaternion.unwrap_or_default();
@@ -357,6 +362,7 @@ impl Message {
     }
 
     fn text(&mut self, text: &str) {
+        // CDR counts the zero at the end.
         self.u32(text.len() as u32 + 1);
         self.0.extend(text.as_bytes());
         self.0.push(0);

@@ -73,6 +73,7 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
     budget.take_values(elements)?;
     if dtype.is_text() {
         let words: Option<Vec<String>> = match dtype.bytes() {
+            // Words of no letters (`<U0`) have no bytes.
             0 => None,
             size => rest.chunks_exact(size).take(elements).map(|word| dtype.text(word)).collect(),
         };
@@ -96,7 +97,9 @@ fn small_enough(header: &str) -> bool {
     let shape = header.split_once("'shape'").or_else(|| header.split_once("\"shape\""));
     let sizes =
         shape.and_then(|(_, after)| after.split_once('(')).and_then(|(_, after)| after.split_once(')'));
+    // A header without a shape is left to the parser.
     let Some((sizes, _)) = sizes else { return true };
+    // Python 2 wrote sizes as `10L`.
     let sizes =
         sizes.split(',').map(|size| size.trim().trim_end_matches('L')).filter(|size| !size.is_empty());
     sizes.map(str::parse::<u64>).try_fold(1u64, |product, size| product.checked_mul(size.ok()?)).is_some()
@@ -111,6 +114,7 @@ pub(crate) fn numbers(
     fortran: bool,
 ) -> Option<Vec<f64>> {
     let size = dtype.bytes();
+    // Chunks of 0 bytes would panic.
     let plain: Option<Vec<f64>> =
         bytes.chunks_exact(size.max(1)).take(elements).map(|number| dtype.number(number)).collect();
     let plain = plain.filter(|plain| plain.len() == elements)?;

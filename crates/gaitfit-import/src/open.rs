@@ -65,6 +65,7 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         Kind::Pickle => pickled(&name, &bytes, mapping, &mut budget),
         Kind::Text => {
             let stated = stated(path, std::str::from_utf8(&bytes).unwrap_or_default())?;
+            // The caller's rate wins over that of the file.
             let rate_hz = mapping.rate_hz.or(stated.rate_hz);
             let mapping = Mapping { rate_hz, ..mapping.clone() };
             text::read(&name, &bytes, &mapping, &mut budget).map(|source| Source {
@@ -163,6 +164,7 @@ fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ImportError> {
     }
     let file = std::fs::File::open(path).map_err(io("open the file"))?;
     let mut bytes = Vec::new();
+    // One byte more shows that the file is too large.
     file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(io("read the file"))?;
     if bytes.len() as u64 > limit {
         return Err(ImportError::TooLarge { path: path.to_owned(), limit });
@@ -210,6 +212,7 @@ fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, 
 
 fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> Result<Source, Problem> {
     let pickle = pickle::read(bytes, budget)?;
+    // A pickle outside of an archive has no files that hold tensors.
     let mut none = |_: &str, _: &mut Budget| Err(pickle::PickleError::NoStorage.into());
     let arrays = pickle::arrays(&pickle, &mut none, budget)?;
     let Some(deployment) = walk_these_ways::deployment(&pickle, &arrays) else {
@@ -225,11 +228,13 @@ fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> 
 
 /// Whether a CSV file has the header of gaitfit's own logs.
 fn is_own(bytes: &[u8]) -> bool {
+    // The header is near the beginning, below comments.
     let start = &bytes[..bytes.len().min(1 << 16)];
     let text = String::from_utf8_lossy(start);
     let header = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
     let names: Vec<&str> = header.split(',').map(str::trim).collect();
     let joint = names.iter().find_map(|name| name.strip_prefix("q_"));
+    // Numbered joints need names, which the plain reader of tables finds.
     let named = joint.is_some_and(|joint| {
         joint.parse::<u16>().is_err() && names.contains(&format!("dq_{joint}").as_str())
     });
@@ -245,6 +250,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     let mut source = Source { kind: "CSV log of gaitfit", ..Source::default() };
     source.assumed.extend(report.even_rows.iter().map(|even| format!("{}: {even}", path.display())));
     source.left_out.extend(report.ignored.iter().map(|column| format!("{}: {}", column.name, column.reason)));
+    // Columns under the names that other readers give them, so that other files can be joined to the log.
     let mut table = crate::table::Table {
         name: path.display().to_string(),
         clock: "the time column",
@@ -277,6 +283,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.lead = log.lead;
     source.velocity_joints = log.velocity_joints.clone();
     source.simulated_step = log.simulated_step;
+    // Its reader has taken one row of `every` already.
     source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);

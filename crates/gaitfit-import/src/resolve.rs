@@ -48,6 +48,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
             }
             known = renamed(known, mapping);
             if let Some(number) = known.strip_prefix("obs_#") {
+                // A number that does not fit is beyond every policy, so `unpack` refuses it.
                 observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
                 continue;
             }
@@ -70,6 +71,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
         let names = listed(unknown.iter().map(|name| shown(name)), 12);
         source.left_out.push(format!("columns of no known name: {names}"));
     }
+    // A table without known columns takes no part in the join.
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
 }
@@ -147,6 +149,7 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
     for (role, names) in named(&mapping.columns) {
         match names {
             None => {}
+            // A list names each component. A pattern may fit any number of columns.
             Some(Names::Each(list)) => {
                 let Some(columns) = role.columns(list.len()).filter(|columns| columns.len() == list.len())
                 else {
@@ -192,6 +195,7 @@ fn first_names(names: &[&String]) -> String {
 fn by_pattern(pattern: &str, name: &str, role: Role) -> Option<String> {
     let place = |number: usize| match role.prefix() {
         Some(prefix) => Some(format!("{prefix}#{number}")),
+        // Wide enough for a quaternion. Roles of exactly three numbers follow.
         None => role.columns(4.max(number + 1)).or_else(|| role.columns(3))?.get(number).cloned(),
     };
     let between = |(before, after): (&str, &str)| {
@@ -275,6 +279,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
                     None => continue,
                 },
             };
+            // Names of other quantities keep the ending.
             let is_joint = PER_JOINT.contains(&prefix.as_str());
             let name = if is_joint { name.strip_suffix("_joint").unwrap_or(&name).to_owned() } else { name };
             columns.insert(name, values);
@@ -326,6 +331,7 @@ fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Resu
         let columns = || source.tables.iter().flat_map(|table| table.columns.keys());
         let numbers = columns().filter_map(|name| name.strip_prefix(mark)?.parse::<usize>().ok());
         let there: std::collections::HashSet<usize> =
+            // Numbers beyond the names are spare motors, which were judged before.
             numbers.filter(|number| *number < names.len()).collect();
         if there.is_empty() {
             continue;
@@ -362,6 +368,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
                 values.iter_mut().for_each(|value| *value *= factor);
             }
         }
+        // A table without times needs a rate that somebody states.
         if table.time.is_empty() {
             let rate = mapping.rate_hz.or(mapping.usual_rate_hz).ok_or_else(|| ImportError::Clock {
                 stream: table.name.clone(),
@@ -370,6 +377,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
             table.time = (0..table.rows()).map(|row| row as f64 / rate).collect();
             table.clock = "the stated rate";
         } else if let Some(name) = &table.time_name {
+            // Times without a name are in seconds already.
             let problem = |problem| ImportError::Clock { stream: table.name.clone(), problem };
             if table.time.iter().any(|time| !time.is_finite()) {
                 return Err(problem("a sample without a time".into()));

@@ -221,6 +221,7 @@ fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), Proble
             body = end;
             Ok::<&[u8], SqliteError>(taken)
         };
+        // Two's complement, the highest byte first.
         let integer = |bytes: &[u8]| {
             let first = if bytes[0] & 0x80 == 0 { 0i64 } else { -1 };
             bytes.iter().fold(first, |sum, byte| (sum << 8) | i64::from(*byte))

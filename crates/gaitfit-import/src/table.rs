@@ -96,6 +96,7 @@ pub(crate) struct Sparse {
 impl Sparse {
     /// Tables of the columns that have values in the same rows. Columns without a value are left out.
     pub fn split(self, name: &str, clock: &'static str, time_name: Option<&str>) -> Vec<Table> {
+        // Columns with values in the same rows share their times, so a list of rows is the key.
         let mut groups: IndexMap<Vec<u32>, IndexMap<String, Vec<f64>>> = IndexMap::new();
         for (column, (rows, values)) in self.columns {
             if !rows.is_empty() {

@@ -79,6 +79,7 @@ pub(crate) fn read(
             None => f64::from(row),
         };
         sparse.time.push(at);
+        // A spare cell at the end of a row is left out.
         for (column, cell) in record.iter().enumerate().take(names.len()) {
             if cell.is_empty() || Some(column) == time {
                 continue;
@@ -102,6 +103,7 @@ pub(crate) fn read(
     }
     let clock = if time.is_some() { "the time column" } else { "the rows' numbers" };
     source.tables = sparse.split(name, clock, time.map(|column| names[column].as_str()));
+    // The numbers of rows served to split them; a rate gives the times later.
     if time.is_none() {
         source.tables.iter_mut().for_each(|table| table.time.clear());
     }

@@ -28,6 +28,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem>
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
     let name = pickle_name(&archive).ok_or(ArchiveError::NoPickle)?;
     let folder = name.strip_suffix("data.pkl").unwrap_or("").to_owned();
+    // Older archives do not state their order of bytes and are taken for little-endian.
     if let Ok(entry) = archive.by_name(&format!("{folder}byteorder")) {
         let order = read_all(entry, budget, "zip")?;
         if order != b"little" {
@@ -42,6 +43,7 @@ pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, Problem>
     let pickle = pickle::read(&content, budget)?;
     let mut read: HashMap<String, Rc<[u8]>> = HashMap::new();
     let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, Problem> {
+        // Tensors may share a storage: it is unpacked once.
         if let Some(bytes) = read.get(key) {
             return Ok(bytes.clone());
         }

@@ -17,6 +17,7 @@ pub(crate) struct Deployment {
 /// Takes one robot's arrays out of the arrays of the whole pickle, and moves actions to the state that they answer.
 /// `None`: it is no such recording.
 pub(crate) fn deployment(pickle: &Pickle, arrays: &Arrays) -> Option<Deployment> {
+    // The first robot of the file is read.
     let prefix = arrays.numbers.keys().find_map(|name| name.strip_suffix("/1/joint_pos_target"))?.to_owned();
     let rows = format!("{prefix}/1/");
     let mut numbers: IndexMap<String, Array> = IndexMap::new();
@@ -37,6 +38,7 @@ pub(crate) fn deployment(pickle: &Pickle, arrays: &Arrays) -> Option<Deployment>
     // A row's action is chosen, sent and waited for; then the row's state is read. A sample here is a state and the action
     // that answers it: the next row's.
     for (name, array) in &mut numbers {
+        // An array of another length is not one of samples.
         if array.shape.first() != Some(&steps) {
             continue;
         }

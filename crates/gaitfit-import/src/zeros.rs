@@ -21,6 +21,7 @@ pub(crate) fn of_second_publisher(
     if width == 0 || positions.iter().any(|values| values.len() != samples) {
         return Ok(());
     }
+    // `zero_rows` wants the positions row by row.
     let rows: Vec<f64> =
         (0..samples).flat_map(|row| positions.iter().map(move |values| values[row])).collect();
     let runs = zero_rows(&rows, width);

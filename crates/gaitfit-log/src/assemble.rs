@@ -74,6 +74,7 @@ pub(crate) fn assemble(
     };
     let base_position = base_channel("base position", layout.base_position);
     let quaternion = base_channel("base orientation", layout.base_quaternion);
+    // Angles count only where there is no quaternion.
     let angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw).filter(|_| quaternion.is_none());
     let from_angles = angles
         .as_ref()
@@ -93,6 +94,7 @@ pub(crate) fn assemble(
     let mut target = layout.target.map(|_| target);
     report.noticed.extend(motor::gains(&columns, &samples.time, &joints, &mut gains, &mut report.gains_from));
     report.noticed.extend(motor::fold(&columns, &joints, gains.as_ref(), target.as_mut()));
+    // In the order of the file's columns.
     report.ignored.sort_by_key(|ignored| ignored.column);
     let mut trajectory = Trajectory {
         source: Some(path.to_owned()),
@@ -113,6 +115,7 @@ pub(crate) fn assemble(
         simulated_step: metadata.simulated_step_s.map(|step| step.value),
         fell: metadata.fell.as_ref().is_some_and(|fell| fell.value),
     };
+    // What follows relies on arrays of the right lengths.
     trajectory.validate()?;
     // A mounted unit's angles have been turned.
     if let Some(angles) = angles.filter(|_| metadata.imu.mounting.is_none()) {
@@ -199,6 +202,7 @@ fn lead(metadata: &Metadata) -> Result<Option<Lead>, LogError> {
         return Ok(None);
     };
     let lead = Lead { seconds: stated.value, spread: spread.as_ref().map_or(0.0, |spread| spread.value) };
+    // Written so that NaN is refused too.
     if !(lead.seconds.abs() <= 1.0 && (0.0..=1.0).contains(&lead.spread)) {
         return Err(LogError::Metadata {
             place: stated.place.clone(),

@@ -22,6 +22,7 @@ pub fn orientation_of_gravity(time: &[f64], gravity: &[f64], rates: Option<&[f64
             continue;
         }
         let [x, y, z] = [row[0] / length, row[1] / length, row[2] / length];
+        // Rounding may bring x beyond 1.
         let (roll, pitch) = ((-y).atan2(-z), x.clamp(-1.0, 1.0).asin());
         let turn = rates.and_then(|rates| rates.get(3 * sample..3 * sample + 3)).map_or(0.0, |w| {
             // At a pitch of 90° the heading is not defined; the bound, 87°, keeps its rate finite there.

@@ -57,6 +57,7 @@ impl CheckSpec {
     /// world).
     fn upright(&self, q: &[f64]) -> f64 {
         let [w, x, y, z] = [q[0], q[1], q[2], q[3]];
+        // The world's down in the base's frame: the third row of the rotation with the opposite sign.
         let gravity = [2.0 * (w * y - x * z), -2.0 * (y * z + w * x), 2.0 * (x * x + y * y) - 1.0];
         let posture = self.posture.unwrap_or([0.0, 0.0, -1.0]);
         gravity.iter().zip(posture).map(|(a, b)| a * b).sum()
@@ -89,6 +90,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
     copies::check(&mut findings);
+    // Where no joint moves, nothing speaks against the clock.
     imu::check(&mut findings, scales.shared.is_none_or(|shared| scale::equal(shared, 1.0)));
     velocity::check(&mut findings, &scales, rate_is_said);
     lag::check(&mut findings, &scales);
@@ -122,6 +124,7 @@ impl Findings<'_> {
         message: String,
     ) {
         let time = &self.log.time;
+        // A span without samples counts as the whole log.
         let span = span.filter(|span| span.start < span.end && span.end <= time.len()).map(|span| Span {
             start: span.start,
             end: span.end,

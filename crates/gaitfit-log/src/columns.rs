@@ -84,6 +84,7 @@ struct Header<'a> {
 fn index<'a>(path: &Path, line: u64, names: &'a [String]) -> Result<HashMap<&'a str, usize>, LogError> {
     let mut index: HashMap<&str, usize> = HashMap::with_capacity(names.len());
     for (column, name) in names.iter().enumerate() {
+        // Both names are one quantity, so a header with both repeats it.
         let quantity = match COMMAND_ALIAS.iter().position(|alias| alias == name) {
             Some(i) => COMMAND[i],
             None => name.as_str(),
@@ -124,6 +125,7 @@ impl Header<'_> {
                 self.orphans.push((column, format!("there is no `q_{joint}`")));
             }
         }
+        // A signal may be missing for all joints, but not for some.
         if !needed && columns.iter().all(Option::is_none) {
             return Ok(None);
         }
@@ -201,6 +203,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         .map(|&column| (column, None))
         .or_else(named)
         .ok_or_else(|| missing(path, line, "time", time_remedy(&names)))?;
+    // Positions name the joints, and their columns give the order.
     let (position, joints): (Vec<usize>, Vec<String>) = names
         .iter()
         .enumerate()
@@ -224,6 +227,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     // Taken columns are marked, so that what is left at the end can be reported as ignored.
     header.take(&position);
 
+    // Velocities are needed; what follows may be missing.
     let velocity = header.per_joint("dq_", true)?.unwrap_or_default();
     let target = header.per_joint("qdes_", false)?;
     let action = header.per_joint("act_", false)?;

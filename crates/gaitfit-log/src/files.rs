@@ -75,6 +75,7 @@ pub fn check_entry(path: &Path) -> Result<(), LogError> {
     }
     let target = std::fs::read_link(path).map_err(io)?;
     let refuse = |problem, remedy| Err(LogError::Link { path: path.to_owned(), target, problem, remedy });
+    // `metadata` follows the link.
     match std::fs::metadata(path) {
         Err(error) if error.kind() == ErrorKind::NotFound => {
             refuse("which does not exist", "restore that file, or delete the link")

@@ -190,6 +190,7 @@ fn group(groups: &mut BTreeMap<FindingKind, FindingGroup>, number: usize, findin
     if severity > group.severity {
         (group.severity, group.example) = (severity, message);
     }
+    // All findings of a log come before those of the next, so a known number is the last.
     if group.logs.last() != Some(&number) {
         group.logs.push(number);
     }

@@ -43,6 +43,7 @@ const TOO_FAR: &str = "more than a full turn; give radians, or delete the row";
 pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
     let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
     infinite(vector).map(|place| (place, NOT_FINITE)).or_else(|| {
+        // Room around 1 (g) and 9.81 (m/s²). A lost sample is NaN and passes.
         (!(0.1..20.0).contains(&length) && !length.is_nan()).then_some((
             0,
             "part of no gravity vector: its length must be 1 or 9.81; delete the row, or leave the cells empty where a sample \

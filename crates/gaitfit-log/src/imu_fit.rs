@@ -108,6 +108,7 @@ impl Moments {
         let along: f64 =
             reading.axes.iter().enumerate().map(|(of, (axis, sign))| sign * self.both[*axis][of]).sum();
         let left = self.turned - 2.0 * scale * along + scale * scale * self.integrated;
+        // Rounding may leave less than 0, and a base that does not turn must not divide by 0.
         (left.max(0.0) / self.turned.max(f64::MIN_POSITIVE)).sqrt()
     }
 }
@@ -168,6 +169,7 @@ pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
 
 /// The 24 turns of the axes by right angles, as signed permutations.
 fn turns() -> Vec<[(usize, f64); 3]> {
+    // The first three are even permutations, the others odd ones.
     let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
     let mut turns = Vec::with_capacity(24);
     for (number, order) in orders.into_iter().enumerate() {
@@ -197,6 +199,7 @@ struct Spans {
 impl Spans {
     fn new(log: &Trajectory, rates: &[f64]) -> Option<Self> {
         let typical = typical_step(&log.time)?;
+        // At low rates one interval is longer than a span.
         let length = ((SPAN_S / typical).round() as usize).max(1);
         let samples = log.len();
         if log.duration() < MIN_S || samples < length + ENOUGH {
@@ -237,6 +240,7 @@ impl Spans {
         order.sort_by(|a, b| much[*b].total_cmp(&much[*a]));
         let mut keep = vec![true; much.len()];
         order.iter().take((TRIMMED * much.len() as f64).ceil() as usize).for_each(|&at| keep[at] = false);
+        // Both lists lose the same spans.
         let mut kept = keep.iter();
         self.starts.retain(|_| kept.next().copied().unwrap_or(true));
         let mut kept = keep.iter();
@@ -248,6 +252,7 @@ impl Spans {
         let at = |sample: usize| -> Quat {
             let mut q: Quat = quat_of(&quaternion[4 * sample..4 * sample + 4]);
             if order == QuaternionOrder::Xyzw {
+                // x, y, z, w becomes w, x, y, z.
                 q.rotate_right(1);
             }
             if q.iter().all(|x| x.is_finite()) { normalize(q) } else { [f64::NAN; 4] }
@@ -296,9 +301,11 @@ impl Spans {
 
 /// A small turn as axis times angle, rad.
 fn turn_of(q: Quat) -> Vec3 {
+    // q and −q are the same turn. The sign is that of the shorter one.
     let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
     let v = [sign * q[1], sign * q[2], sign * q[3]];
     let sine = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // 2 is the limit of the quotient for small turns.
     let factor = if sine > 1e-12 { 2.0 * sine.atan2(sign * q[0]) / sine } else { 2.0 };
     v.map(|x| factor * x)
 }
@@ -351,6 +358,7 @@ pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
         let mut mean_c = [0.0; 3];
         range.clone().for_each(|i| (0..3).for_each(|k| mean_c[k] += integrated[i][k] / range.len() as f64));
         let (mut cc, mut cd, mut dd, mut cy, mut dy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        // A derivative needs a span on each side.
         for i in range.start.max(1)..range.end.min(integrated.len() - 1) {
             let (before, after) = (spans.starts[i - 1], spans.starts[i + 1]);
             // A gap: the difference would not be a derivative.

@@ -109,6 +109,7 @@ impl ImuSettings {
                 w.copy_from_slice(&rotate_back(unit(q), vec_of(w)));
             }
         }
+        // A mounting of zeros leaves all bits as they are.
         if let Some(angles) = self.mounting.filter(|angles| angles.iter().any(|angle| *angle != 0.0)) {
             let [roll, pitch, yaw] = angles.map(f64::to_radians);
             let of_base = from_rpy(roll, pitch, yaw);

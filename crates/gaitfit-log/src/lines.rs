@@ -31,6 +31,7 @@ impl<'a> Lines<'a> {
         if !metadata.is_file() {
             return Err(LogError::NotAFile { path: path.to_owned() });
         }
+        // Asked first, so that nothing of a huge file is read.
         if metadata.len() > max_bytes {
             return Err(LogError::TooLarge { path: path.to_owned(), limit: max_bytes });
         }
@@ -56,6 +57,7 @@ impl<'a> Lines<'a> {
         }
         self.line += 1;
         self.bytes += read as u64;
+        // The file may have grown since.
         if self.bytes > self.max_bytes {
             return Err(LogError::TooLarge { path: self.path.to_owned(), limit: self.max_bytes });
         }

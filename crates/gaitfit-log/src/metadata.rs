@@ -245,6 +245,7 @@ impl Metadata {
 fn slip(folded: &str) -> Option<&'static str> {
     KEYS.into_iter().find(|key| {
         let key: String = key.chars().filter(|c| c.is_alphanumeric()).collect();
+        // Short words are a letter from many others, so a replaced letter in them is no slip.
         let replaced = strsim::hamming(&key, folded).is_ok_and(|letters| letters == 1);
         key.len() > 3 && strsim::damerau_levenshtein(&key, folded) == 1 && (!replaced || key.len() > 5)
     })
@@ -322,6 +323,7 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
     let mut metadata = Metadata::default();
     let mut used = Vec::new();
     for sidecar in [path.with_extension("toml"), path.with_file_name("log.toml")] {
+        // A log may itself end in .toml, and `log.csv` has one sidecar under both names.
         if sidecar == path || used.contains(&sidecar) || !sidecar.is_file() {
             continue;
         }

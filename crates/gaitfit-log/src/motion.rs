@@ -30,6 +30,7 @@ pub(crate) fn place(place: &[f64]) -> Option<(usize, &'static str)> {
 pub(crate) fn runs_wrongly(time: &[f64], motion: &[f64]) -> Option<String> {
     let mut speeds: Vec<f64> = (1..time.len().min(motion.len() / 2))
         .map(|row| (motion[2 * row] - motion[2 * row - 2]) / (time[row] - time[row - 1]))
+        // Rows of one time have an infinite speed.
         .filter(|speed| speed.is_finite())
         .collect();
     let speed = crate::stats::median(&mut speeds)?;

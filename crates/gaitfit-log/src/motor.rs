@@ -160,6 +160,7 @@ pub fn fold(
     }
     for (at, target) in target.iter_mut().enumerate() {
         let kp = gains.kp[at % width];
+        // A joint without a gain is not driven: that was refused above.
         if kp > 0.0 {
             *target += torque(at) / kp;
         }

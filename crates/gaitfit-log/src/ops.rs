@@ -109,6 +109,7 @@ impl Trajectory {
         if joints == 0 {
             return refuse("joints", "none; a trajectory has at least one joint".into());
         }
+        // Names come first, because messages below use them.
         let mut seen = HashSet::with_capacity(joints);
         for (i, name) in self.joints.iter().enumerate() {
             if name.is_empty() {
@@ -158,6 +159,7 @@ impl Trajectory {
             );
         }
         if let Some(lead) = &self.lead {
+            // NaN fails both comparisons.
             let usable = lead.seconds.abs() <= MAX_LEAD_S && (0.0..=MAX_LEAD_S).contains(&lead.spread);
             if !usable {
                 return refuse(
@@ -208,6 +210,7 @@ impl Trajectory {
         let part = self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
             values[range.start * width..range.end * width].to_vec()
         });
+        // A part that ends earlier does not end in the fall.
         Ok(Trajectory { fell: self.fell && range.end == self.len(), ..part })
     }
 

@@ -114,6 +114,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
 }
 
 fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<String>, LogError> {
+    // Counted before the header is parsed, so that a huge one takes no memory.
     let columns = text.bytes().filter(|&byte| byte == b',').count() + 1;
     if columns > limit {
         return Err(LogError::TooManyColumns { path: path.to_owned(), line, columns, limit });
@@ -147,6 +148,7 @@ fn channels(layout: &Layout) -> [Channel<'_>; 16] {
     let needed = |columns| Channel { columns, optional: false, refuse: None };
     let base = |columns| Channel { columns: some(columns), optional: true, refuse: None };
     let sensed = |columns, refuse| Channel { columns: some(columns), optional: true, refuse: Some(refuse) };
+    // In the order in which `assemble` takes them. `ANGLES` and `RATES` are places in it.
     [
         needed(&layout.position),
         needed(&layout.velocity),

@@ -42,6 +42,7 @@ impl Trajectory {
         if spacing.lost.is_empty() && !real {
             return Ok(same());
         }
+        // As f64: a damaged time may claim more rows than an integer holds.
         let rows = (self.len() as f64) + spacing.lost.iter().map(|lost| lost.samples as f64).sum::<f64>();
         // A row has four signals of each joint, time, command (3) and the base's state (13).
         if rows * (4 * self.joints.len() + 17) as f64 > RESAMPLE_LIMIT {
@@ -116,6 +117,7 @@ impl Trajectory {
         let (mut explained, mut square) = (0.0, 0.0);
         for sample in 1..self.len() {
             let interval = self.time[sample] - self.time[sample - 1];
+            // Over a gap the mean of two velocities is not that of the motion.
             if interval > 2.0 * step {
                 continue;
             }

@@ -109,6 +109,7 @@ impl Trajectory {
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
+            // A motion runs on by itself and is not simply blended.
             motion: self.motion.as_deref().map(|values| motion::at(&self.time, values, &places.measured)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),
@@ -200,6 +201,7 @@ fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -
     let rest = 1.0 - fraction;
     // Hermite's cubic less the line.
     let bend = fraction * rest * (rest * (slope_from - rise) - fraction * (slope_to - rise));
+    // Where a velocity is missing, the line stays.
     if fraction == 0.0 || !bend.is_finite() { 0.0 } else { bend }
 }
 

@@ -149,6 +149,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
         correlation,
         // The geometric mean of both regressions.
         factor: deviation(&integrals) / deviation(&changes),
+        // Rounding may bring the correlation a little beyond 1.
         error: ((1.0 - correlation * correlation).max(0.0) / independent).sqrt(),
         tolerance: TOLERANCE.max(if typical >= SLOW_S { SLOW } else { 0.0 }).max(1.0 + SAMPLING * roughness),
     };

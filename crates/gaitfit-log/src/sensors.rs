@@ -232,6 +232,7 @@ pub fn gyro_bias(logs: &[&Trajectory]) -> Option<[Estimate; 3]> {
 fn turn_between(from: Quat, to: Quat) -> Vec3 {
     let [w, x, y, z] = product(inverse(from), to);
     let sine = (x * x + y * y + z * z).sqrt();
+    // q and −q are the same turn. The sign of w makes it the shorter one.
     let angle = 2.0 * sine.atan2(w.abs()) * w.signum();
     let scale = if sine > 1e-12 { angle / sine } else { 2.0 };
     [scale * x, scale * y, scale * z]
@@ -256,6 +257,7 @@ fn position_step(logs: &[&Trajectory]) -> Option<f64> {
 fn smallest(logs: &[&Trajectory], columns: impl Fn(&Trajectory) -> Vec<Vec<f64>>) -> Option<f64> {
     let mut levels = Vec::new();
     for log in logs {
+        // Eight samples have five third differences.
         let half = (0.5 * log.rate_hz).ceil().max(8.0) as usize;
         for column in columns(log) {
             for part in column.chunks_exact(half) {
@@ -283,6 +285,7 @@ fn earlier(log: &Trajectory, lag: f64) -> Vec<f64> {
     let mut velocity = Vec::with_capacity(log.velocity.len());
     for time in &log.time {
         let at = time + lag;
+        // Beyond the ends the interval at that end is used, and the fraction below is cut to 0 or 1.
         let after =
             log.time.partition_point(|known| *known <= at).clamp(1, log.len().saturating_sub(1).max(1));
         let before = after - 1;

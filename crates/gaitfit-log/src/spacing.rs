@@ -111,6 +111,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         // Where this sample and the next would be by those around them, but for those beyond another gap.
         let middle = |mut places: Vec<f64>| {
             let middle = median(&mut places)?;
+            // Places beyond another gap are off by whole intervals.
             places.retain(|place| (place - middle).abs() < 0.75 * step);
             Some(if places.is_empty() { middle } else { mean(&places) })
         };

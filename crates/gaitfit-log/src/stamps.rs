@@ -178,6 +178,7 @@ fn single_tick(time: f64) -> f64 {
 /// Whether a time is a number of single precision, or the text of one.
 fn is_single(time: f64) -> bool {
     let single = time as f32;
+    // Its shortest text, read as a double, is another number than the single itself.
     f64::from(single) == time || single.to_string().parse() == Ok(time)
 }
 

@@ -107,6 +107,7 @@ pub fn summary_with_report(log: &Trajectory, reading: ReadReport) -> LogSummary 
         rate_hz: log.rate_hz,
         measured_rate_hz: typical.map(|typical| 1.0 / typical),
         jitter_s: deviations.map(|deviations| rms(&deviations)),
+        // The median has changed the order of the steps, which the range does not mind.
         longest_interval_s: range(&steps).map(|(_, longest)| longest),
         lead: log.lead,
         channels: channels.into_iter().filter_map(|(name, present)| present.then_some(name)).collect(),

@@ -20,6 +20,7 @@ impl Trajectory {
                 if turns.is_finite() && turns != 0.0 {
                     *angle += turns * TAU;
                 }
+                // After a lost reading the last known row stays the reference.
                 if angle.is_finite() && speed.is_finite() {
                     before = Some([time, *angle, speed]);
                 }

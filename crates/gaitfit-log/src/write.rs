@@ -82,6 +82,7 @@ pub fn check_names(robot: Option<&str>, joints: &[String]) -> Result<(), LogErro
 type Columns<'a> = (Vec<String>, &'a [f64]);
 
 fn write_to(out: &mut impl Write, trajectory: &Trajectory) -> std::io::Result<()> {
+    // Comments stand above the header, where readers look for settings.
     if let Some(robot) = &trajectory.robot {
         writeln!(out, "# robot = {}", toml::Value::from(robot.as_str()))?;
     }

@@ -75,6 +75,7 @@ pub fn form(policy: &str, trials: &[Trial]) -> String {
         NEEDED.join(",")
     );
     for (number, Trial { direction, command: [vx, vy, wz] }) in trials.iter().enumerate() {
+        // The five empty cells are x_m to note: the reader wants every row as wide as the header.
         let _ = writeln!(text, "{},{direction},{vx},{vy},{wz},{COMMAND},,,,,", number + 1);
     }
     text
@@ -106,6 +107,8 @@ impl Form {
         let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
         let policy =
             policy.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        // Every row must be as wide as the header: a decimal comma makes two cells of one number and shows
+        // here.
         let mut reader =
             csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| error.to_string())?.clone();
@@ -167,6 +170,7 @@ impl Columns {
         }
         let mut ends = [(0, "", 1.0); 3];
         for (end, [first, second]) in ends.iter_mut().zip(ENDS) {
+            // Of two units exactly one may be there: with both it is not known which one the person filled.
             *end = match (at(first.0), at(second.0)) {
                 (Some(column), None) => (column, first.0, first.1),
                 (None, Some(column)) => (column, second.0, second.1),
@@ -195,6 +199,7 @@ impl Columns {
                 )
             })
         };
+        // The columns come in the order of `NEEDED`.
         let [_, direction, parts @ .., seconds] = self.needed;
         let seconds = number(seconds, "seconds")?;
         // A trial moves along one axis only, so its ideal end is command times time.

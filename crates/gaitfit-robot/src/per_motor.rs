@@ -16,6 +16,7 @@ pub struct PerMotor<T> {
 impl<T: Copy + Default> PerMotor<T> {
     /// `value` for each of `count` motors, [`MAX_MOTORS`] at most.
     pub fn new(count: usize, value: T) -> Self {
+        // Files of robots with more motors are refused, so nothing is cut off.
         Self { values: [value; MAX_MOTORS], count: count.min(MAX_MOTORS) }
     }
 

@@ -26,6 +26,7 @@ impl Remote {
         };
         // Byte 3, from the lowest bit: A, B, X, Y, up, right, down, left.
         let pressed = |bit: u8| bytes[3] & (1 << bit) != 0;
+        // Left x and y, right x and y: the vendor's places are not in this order.
         Self { left: [axis(4), axis(20)], right: [axis(8), axis(12)], a: pressed(0), b: pressed(1) }
     }
 

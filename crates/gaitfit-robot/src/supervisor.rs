@@ -281,6 +281,7 @@ impl Supervisor {
         {
             self.stop(now, Reason::LateLoop(1e3 * gap.as_secs_f64()));
         }
+        // Damping continues without states.
         if self.phase != Phase::Damping
             && let Err(reason) = self.watch.fresh(now)
         {
@@ -363,6 +364,7 @@ impl Supervisor {
             }
             Phase::Stand => self.policy(standing, part(self.times.settle)),
             Phase::Walk | Phase::Stop => {
+                // Without targets `advance` enters no walk.
                 self.policy(self.targets.as_ref().map_or(standing, |(_, targets)| targets), 1.0)
             }
             Phase::LieDown if elapsed < self.gather => between(&self.from, standing, part(self.gather)),

@@ -83,6 +83,7 @@ impl<'a> Batch<'a, '_> {
             let name = shown(&field.name);
             return Err(damaged(format!("`{name}` has {places} places where {length} are")).into());
         }
+        // A column of nulls has a node, but no buffer, not even one of validity.
         if field.layout == Layout::None {
             return Ok(());
         }
@@ -93,6 +94,7 @@ impl<'a> Batch<'a, '_> {
         self.budget.take_values(length / 4)?;
         let validity = self.take()?;
         let bit = |i: usize| validity.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1);
+        // The format lets a writer leave the buffer out if no value is missing.
         let all = node.null_count() == 0 || validity.is_empty();
         let is_valid =
             |i: usize| (all || bit(i)) && valid.is_none_or(|valid| valid.get(i).copied().unwrap_or(false));
@@ -138,12 +140,14 @@ impl<'a> Batch<'a, '_> {
                 }
                 self.list(field, 0, values, &vec![u32::try_from(size).map_err(damaged)?; length])
             }
+            // Fields of these layouts are refused, so they were passed over above.
             Layout::None | Layout::Skipped(_) | Layout::Views => Err(damaged(CUT).into()),
         }
     }
 
     /// The inside of lists, whose values are those from `first` to `last`.
     fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), Problem> {
+        // The values below are read from the first on, and those before this list would be taken for its own.
         if first > 0 {
             return Err(wrong(field, "is a part of a longer table; write it anew").into());
         }
@@ -159,6 +163,7 @@ impl<'a> Batch<'a, '_> {
         is_valid: &dyn Fn(usize) -> bool,
         lists: Option<&[u32]>,
     ) -> Result<(), Problem> {
+        // A place takes 12 bytes: its value (8) and the number of its row (4).
         self.budget.take_values(length.saturating_add(length / 2))?;
         let values = values(physical, data, length)?;
         let row = self.frame.rows;
@@ -174,6 +179,7 @@ impl<'a> Batch<'a, '_> {
         }
         // A column keeps its rows, so rows without a value are simply not there.
         let places: Vec<usize> = (0..length).filter(|i| is_valid(*i)).collect();
+        // The numbers fit into 4 bytes: `read` refuses more rows.
         column.rows.extend(places.iter().map(|place| (row + place) as u32));
         column.values.append(match values {
             all if places.len() == length => all,
@@ -243,6 +249,7 @@ fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, Prob
             Values::Integers(numbers(bytes)?.chunks_exact(bytes).map(integer).collect())
         }
         Physical::Real { bytes } => {
+            // 2, 4 and 8 bytes, in this order.
             let dtype = DType::parse(["<f2", "<f4", "<f8"][bytes.ilog2() as usize - 1])
                 .ok_or_else(|| damaged(CUT))?;
             let reals = numbers(bytes)?.chunks_exact(bytes).map(|number| dtype.number(number));

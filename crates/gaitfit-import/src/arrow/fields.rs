@@ -91,6 +91,7 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
         );
     }
     let name = field.name().map_err(damaged)?.unwrap_or("");
+    // The inside of a list has a name that says nothing, such as `item`.
     let name = match (above, inside.list) {
         (_, true) => above.to_owned(),
         ("", false) => name.to_owned(),
@@ -108,6 +109,7 @@ fn read(field: FieldRef<'_>, above: &str, inside: Inside, left: &mut usize) -> R
     let refused = inside.refused.or(refused).or((lists > 1).then_some("lists in lists"));
     let below = Inside { depth: inside.depth + 1, lists, list: is_list, refused };
     let mut children = Vec::new();
+    // The children of a dictionary's column belong to the dictionary, whose messages are passed over.
     if layout != Layout::Skipped(1) || refused.is_none() {
         for child in field.children().map_err(damaged)?.iter().flat_map(|all| all.iter()) {
             children.push(read(child.map_err(damaged)?, &name, below, left)?);
@@ -132,6 +134,7 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
         |bytes, unit| (Layout::Numbers(Physical::Int { bytes, signed: true }), None, Some(per_second(unit)));
     let skipped = |buffers, reason| (Layout::Skipped(buffers), Some(reason), None);
     let below = |layout| (layout, None, None);
+    // Numbers and what holds them are read. Of all other types the buffers to pass over are counted.
     Ok(match kind {
         TypeRef::Null(_) => (Layout::None, Some("nothing in it"), None),
         TypeRef::Bool(_) => numbers(Physical::Bool),
@@ -155,6 +158,7 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
         TypeRef::Timestamp(time) => times(8, time.unit().map_err(damaged)?),
         TypeRef::Duration(time) => times(8, time.unit().map_err(damaged)?),
         TypeRef::Time(time) => {
+            // Times of day in s and ms have 4 bytes, finer ones 8.
             let bytes = if time.bit_width().map_err(damaged)? == 32 { 4 } else { 8 };
             times(bytes, time.unit().map_err(damaged)?)
         }

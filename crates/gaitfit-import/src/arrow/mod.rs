@@ -39,6 +39,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
         };
         rest = after;
         match message.header().map_err(damaged)? {
+            // A second schema is passed over.
             Some(MessageHeaderRef::Schema(schema)) if fields.is_none() => {
                 if schema.endianness().map_err(damaged)? == Endianness::Big {
                     return Err(ColumnarError::NotRead(
@@ -80,6 +81,7 @@ fn next<'a>(rest: &mut &'a [u8]) -> Next<'a> {
     if rest.is_empty() {
         return Next::End;
     }
+    // Writers before Arrow 0.15 put the length alone, without the 4 bytes ff.
     let body = rest.strip_prefix(CONTINUED).unwrap_or(rest);
     let Some((length, body)) = body.split_first_chunk::<4>() else { return Next::Cut };
     let length = u32::from_le_bytes(*length) as usize;

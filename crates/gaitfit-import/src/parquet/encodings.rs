@@ -94,6 +94,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         return Err(damaged("numbers of more than 32 bits where levels or places are").into());
     }
     let mut out = Vec::new();
+    // All numbers are 0 and take no bytes.
     if width == 0 {
         out.resize(count, 0);
         return Ok(out);
@@ -103,6 +104,7 @@ pub(super) fn hybrid(mut bytes: &[u8], width: usize, count: usize) -> Result<Vec
         let header = varint(&mut bytes)?;
         let left = count - out.len();
         let wanted = usize::try_from(header >> 1).map_err(|_| damaged(CUT))?;
+        // Runs of nothing would never reach `count`.
         if wanted == 0 {
             return Err(damaged(CUT).into());
         }
@@ -160,6 +162,7 @@ pub(super) fn split(bytes: &[u8], physical: Physical, count: usize) -> Result<Va
 
 /// `count` entries of a dictionary by their places.
 pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result<Values, Problem> {
+    // The first byte is the width of the places, in bits.
     let (width, rest) = bytes.split_first().ok_or_else(|| damaged(CUT))?;
     let places = hybrid(rest, usize::from(*width), count)?;
     let missing = || damaged("a place beyond its dictionary");

@@ -24,6 +24,7 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, Problem> {
     let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
     let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
+    // The magic stands at the file's beginning too.
     let begin = footer.len().checked_sub(length).filter(|begin| *begin >= MAGIC.len()).ok_or_else(cut)?;
     let mut protocol = TCompactInputProtocol::new(&footer[begin..], MAX_FOOTER);
     let metadata = FileMetaData::read_from_in_protocol(&mut protocol)

@@ -141,6 +141,7 @@ fn decode(
         (Encoding::PLAIN, _) => plain(page, physical, count),
         (Encoding::PLAIN_DICTIONARY | Encoding::RLE_DICTIONARY, _) => {
             let entries = entries.ok_or_else(|| damaged("places of a dictionary that is not there"))?;
+            // Without values a page has not even the width of its places.
             if count == 0 { Ok(Values::Integers(Vec::new())) } else { dictionary(page, entries, count) }
         }
         (Encoding::RLE, Physical::Bool) => {
@@ -180,6 +181,7 @@ fn place_values(
             if defined_at(i) == leaf.defined {
                 *length += 1;
             } else if defined_at(i) >= leaf.in_list {
+                // A place of the list without a value. At lower levels the list itself is empty or missing.
                 return Err(ColumnarError::Values {
                     column: leaf.name.clone(),
                     problem: "has lists with empty places; fill them",
@@ -227,6 +229,7 @@ impl Packed {
                 snap::raw::Decoder::new().decompress_vec(page).map_err(snappy)?
             }
             CompressionCodec::LZ4_RAW => {
+                // A block of LZ4 does not state its size; the page's header does.
                 budget.take_bytes(size)?;
                 lz4_flex::block::decompress(page, size)
                     .map_err(|error| ColumnarError::Packed { packer: "lz4", problem: error.to_string() })?

@@ -88,6 +88,7 @@ fn walk(
     }
     here.list = is_list(element);
     here.inside = repeats && above.list;
+    // An empty group has no type either.
     if children > 0 || element.type_.is_none() {
         for _ in 0..children {
             walk(schema, next, &here, out)?;
@@ -118,6 +119,7 @@ fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
     let unsigned =
         [ConvertedType::UINT_8, ConvertedType::UINT_16, ConvertedType::UINT_32, ConvertedType::UINT_64];
     let mut signed = element.converted_type.is_none_or(|kind| !unsigned.contains(&kind));
+    // The logical type is the newer one and overrules the converted type.
     if let Some(LogicalType::INTEGER(kind)) = &element.logical_type {
         signed = kind.is_signed;
     }
@@ -131,6 +133,7 @@ fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
         Some(Type::INT64) => int(8),
         Some(Type::FLOAT) => (Physical::Float, None),
         Some(Type::DOUBLE) => (Physical::Double, None),
+        // Refused columns have a type that nobody looks at.
         Some(Type::INT96) => (Physical::Bool, Some("times of 96 bits; save them as timestamps")),
         _ => (Physical::Bool, Some("text")),
     }

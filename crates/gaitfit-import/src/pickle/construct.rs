@@ -38,6 +38,7 @@ pub(crate) fn call(
             }
             _ => Err(wrong()),
         },
+        // Tuples and sets are lists here: only their items count.
         "list" | "tuple" | "set" | "frozenset" => match argument(0) {
             None => Ok(Node::List(Vec::new())),
             Some(Node::List(items)) => {
@@ -60,6 +61,7 @@ pub(crate) fn call(
             Some(Node::Bytes(bytes)) => Ok(Node::Bytes(bytes.clone())),
             Some(_) => Err(wrong()),
         },
+        // The order of bytes follows as the type's state.
         "dtype" => match argument(0) {
             Some(Node::Text(text)) => match DType::parse(text) {
                 Some(dtype) => Ok(Node::DType(dtype)),
@@ -79,6 +81,7 @@ pub(crate) fn call(
             }
             _ => Err(wrong()),
         },
+        // So NumPy writes contiguous arrays with protocol 5.
         "_frombuffer" => match (argument(0), argument(1), argument(2), argument(3)) {
             (
                 Some(Node::Bytes(bytes)),
@@ -88,6 +91,7 @@ pub(crate) fn call(
             ) => Ok(array(nodes, bytes, *dtype, shape, &**order == "F")?),
             _ => Err(wrong()),
         },
+        // Storage, offset, sizes and strides. Arguments after these concern gradients.
         "_rebuild_tensor_v2" => match (argument(0), argument(1), argument(2), argument(3)) {
             (
                 Some(Node::Storage(key, dtype)),

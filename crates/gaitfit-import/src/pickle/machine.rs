@@ -138,6 +138,7 @@ impl<'a> Machine<'a> {
             b'p' => self.line()?.parse().map_err(|_| PickleError::MemoNumber)?,
             b'q' => u64::from(self.byte()?),
             b'r' => self.size4()? as u64,
+            // MEMOIZE has no key: the number of objects that are kept so far is its key.
             0x94 => self.memo.len() as u64,
             _ => return Ok(None),
         }))
@@ -291,6 +292,7 @@ impl<'a> Machine<'a> {
     }
 
     fn floor(&self) -> usize {
+        // Objects below the last mark are out of reach until the mark is taken away.
         self.marks.last().copied().unwrap_or(0)
     }
 

@@ -49,6 +49,7 @@ impl Numbers<'_, '_> {
         // Objects may contain one another many times over, so visits are counted and not objects.
         self.visits += 1;
         let full = out.numbers.len() + out.words.len() >= MAX_ARRAYS;
+        // What is too deep or too much is left out: the rest may still be a log.
         if depth > DEEPEST || full || self.visits > MAX_VISITS {
             return Ok(());
         }
@@ -144,6 +145,7 @@ impl Numbers<'_, '_> {
                 let Some(array) = self.array(*value)? else { continue };
                 let (shape, data, rows) =
                     columns.entry(key.clone()).or_insert_with(|| (array.shape.clone(), Vec::new(), 0));
+                // A row without this column, or with another shape, ends it: its rows no longer keep up.
                 if *shape == array.shape && *rows == row {
                     data.extend_from_slice(&array.data);
                     *rows += 1;
@@ -186,6 +188,7 @@ impl Numbers<'_, '_> {
                             None => return Ok(None),
                         },
                         Node::Tensor(tensor) => self.tensor(tensor)?,
+                        // Lists go two deep here.
                         Node::List(numbers) => {
                             self.budget.take_values(numbers.len())?;
                             let number = |id: &Id| match &nodes[*id] {

@@ -39,7 +39,9 @@ pub(crate) fn whole_definition(kind: &str) -> Option<String> {
     while next < names.len() {
         let package = names[next].split('/').next().unwrap_or_default().to_owned();
         for line in definition(&names[next])?.lines() {
+            // A type ends at the space before its field's name, or at the bracket of an array.
             let field = line.split([' ', '[']).next().unwrap_or_default();
+            // Types of the same package are named without it.
             let name = if field.contains('/') { field.to_owned() } else { format!("{package}/{field}") };
             if let Some(part) = definition(&name).filter(|_| !names.contains(&name)) {
                 let _ = write!(text, "{}\nMSG: {name}\n{part}\n", "=".repeat(80));

@@ -129,6 +129,7 @@ impl<'a> Reader<'a> {
 
     /// A number of `size` bytes, aligned to its size.
     fn unsigned(&mut self, size: usize) -> Result<u64, MessageError> {
+        // Alignment counts from the first byte after the head.
         let alignment = size.min(self.most_alignment);
         let padding = (alignment - self.at % alignment) % alignment;
         self.take(padding)?;

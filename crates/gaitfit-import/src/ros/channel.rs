@@ -189,6 +189,7 @@ impl<'a> Messages<'a> {
             let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
             return Err(MessageError::NoTopic { wanted: missing.clone(), found }.into());
         }
+        // Lists as Rust prints them are JSON too.
         let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.metadata.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
         source.robot = self.metadata.get("robot").cloned();
@@ -234,6 +235,7 @@ impl<'a> Messages<'a> {
         let state =
             read.iter().position(|stream| stream.sparse.columns.keys().any(|name| name.starts_with("q_")));
         let state = state.unwrap_or(0);
+        // Messages may come out of order.
         let origin = clocks[state].times(&read[state]).iter().copied().min().unwrap_or(0);
         source.origin_ns = origin;
         // Half an interval of the states: a smaller difference of clocks does not move a message to another
@@ -247,6 +249,7 @@ impl<'a> Messages<'a> {
             let behind = clock.behind.saturating_sub(clocks[state].behind);
             let same = clock.stamped == clocks[state].stamped;
             let shift = match self.mapping.clock_offset_s {
+                // `import` adds the stated offset, for files of all kinds.
                 Some(_) => 0,
                 None if i == state || (same && behind.abs() <= half) => 0,
                 None => behind,
@@ -266,6 +269,7 @@ impl<'a> Messages<'a> {
                 std::mem::take(&mut stream.sparse).split(&stream.channel.topic, named, None);
             if shift != 0 {
                 // The middle of the recorder's delays is not exact.
+                // A quarter of an interval, s.
                 tables.iter_mut().for_each(|table| table.slack = half as f64 / 2e9);
             }
             source.tables.extend(tables);

@@ -30,6 +30,7 @@ pub(crate) fn stamp_ns(message: &Value) -> Option<i64> {
     let stamp = message.get(&["header"])?.get(&["stamp"])?;
     let seconds = stamp.get(&["sec", "secs"]).and_then(Value::number)?;
     let rest = stamp.get(&["nanosec", "nsec", "nsecs"]).and_then(Value::number)?;
+    // A damaged stamp saturates.
     let ns = (seconds as i64).saturating_mul(1_000_000_000).saturating_add(rest as i64);
     (ns > 0).then_some(ns)
 }
@@ -39,11 +40,13 @@ fn joint_state(message: &Value, joints: Role, out: &mut Columns) {
     let Some(names) = message.get(&["name"]).and_then(Value::words) else { return };
     let mut add = |field: &str, prefix: &str| {
         let values = message.get(&[field]).and_then(Value::numbers).unwrap_or_default();
+        // By its definition an array may be empty.
         if values.len() == names.len() {
             out.extend(names.iter().zip(values).map(|(name, value)| (format!("{prefix}{name}"), value)));
         }
     };
     add("position", joints.prefix().unwrap_or("q_"));
+    // Velocities beside targets are wanted ones, not measured ones.
     if joints == Role::Position {
         add("velocity", "dq_");
     }
@@ -137,6 +140,7 @@ fn imu(message: &Value, out: &mut Columns) {
     let quaternion: Option<Vec<f64>> =
         ["w", "x", "y", "z"].iter().map(|name| part(orientation, name)).collect();
     let rates: Option<Vec<f64>> = ["x", "y", "z"].iter().map(|name| part(rates, name)).collect();
+    // Some drivers without an estimate send zeros.
     if let Some(quaternion) = quaternion.filter(|parts| parts.iter().any(|part| *part != 0.0)) {
         out.extend(BASE_QUATERNION.iter().zip(quaternion).map(|(name, value)| ((*name).to_owned(), value)));
     }

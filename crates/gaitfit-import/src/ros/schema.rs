@@ -92,6 +92,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
             return Err(MessageError::DefinitionTypes);
         }
         if !definition.trim().is_empty() || !key.is_empty() {
+            // The first definition of a name counts.
             texts.entry(std::mem::take(&mut key)).or_insert(definition);
         }
         let Some(after) = after else { break };
@@ -115,6 +116,7 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Schema, MessageError> {
     let mut waiting = vec![root];
     let mut types: Vec<Vec<Field>> = Vec::new();
     let mut fields = 0;
+    // Types wait in the order of their numbers, so the next one's number is the count of those that are read.
     while let Some(name) = waiting.get(types.len()).cloned() {
         let definition = match texts.get(&name) {
             Some(definition) => definition,

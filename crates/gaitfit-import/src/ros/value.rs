@@ -61,6 +61,7 @@ impl Value {
     /// The value of a JSON message.
     pub fn from_json(json: &serde_json::Value) -> Value {
         match json {
+            // JSON has no NaN: writers put null in its place.
             serde_json::Value::Null => Value::Number(f64::NAN),
             serde_json::Value::Bool(flag) => Value::Number(f64::from(u8::from(*flag))),
             serde_json::Value::Number(number) => Value::Number(number.as_f64().unwrap_or(f64::NAN)),

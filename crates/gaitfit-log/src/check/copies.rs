@@ -68,6 +68,7 @@ pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> 
     let zero = |i: usize| row(i).iter().all(|q| *q == 0.0);
     let away = |i: usize| row(i).iter().any(|q| q.abs() > AWAY);
     let mut runs = Vec::new();
+    // The first row has no row before it that a jump could start from.
     let mut at = 1;
     while at < rows {
         if !zero(at) {
@@ -75,6 +76,7 @@ pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> 
             continue;
         }
         let end = (at..rows).find(|i| !zero(*i)).unwrap_or(rows);
+        // A run that reaches the end has no row behind it.
         if end < rows && end - at <= LONGEST && away(at - 1) && away(end) {
             runs.push(at..end);
         }

@@ -121,6 +121,7 @@ fn of_joints(log: &Trajectory) -> Vec<Fall> {
 pub(super) fn stretches(flags: &[bool]) -> Vec<Range<usize>> {
     let mut stretches = Vec::new();
     let mut start = None;
+    // One more false ends a stretch that reaches the end.
     for (i, flag) in flags.iter().chain([&false]).enumerate() {
         match (flag, start) {
             (true, None) => start = Some(i),

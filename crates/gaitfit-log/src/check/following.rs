@@ -22,6 +22,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     single_joints(findings, &windows, &stuck);
     resting(findings, &windows, spec);
     super::imu::hanging(findings);
+    // A unit that is mounted turned would look like a robot that fell.
     if !super::imu::mounting(findings, spec) {
         base(findings, spec);
     }
@@ -31,6 +32,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
 pub(super) fn is_stuck(window: &Window) -> bool {
     let asked = window.joints.iter().filter(|joint| joint.asked).count();
     let held = window.joints.iter().filter(|joint| joint.asked && !joint.follows).count();
+    // A single joint is another finding.
     held >= 2 && 2 * held > asked
 }
 
@@ -42,6 +44,7 @@ fn span(windows: &[Window]) -> std::ops::Range<usize> {
 }
 
 fn between(log: &Trajectory, span: &std::ops::Range<usize>) -> String {
+    // An empty span at 0 wraps to a place that no log has, and `get` finds nothing.
     match (log.time.get(span.start), log.time.get(span.end.wrapping_sub(1))) {
         (Some(from), Some(to)) => format!("from {} to {} s", decimals(*from, 2), decimals(*to, 2)),
         _ => "throughout".into(),
@@ -175,6 +178,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
     if let Some(quaternion) = &base.quaternion {
         let upright: Vec<f64> = quaternion.chunks_exact(4).map(|q| spec.upright(q)).collect();
         if let Some(span) = longest_below(&upright, TILTED, min) {
+            // Rounding may bring the cosine beyond 1.
             let tilt =
                 upright[span.clone()].iter().fold(1.0f64, |low, &up| low.min(up)).clamp(-1.0, 1.0).acos();
             let message = format!(
@@ -204,6 +208,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
 fn longest_below(values: &[f64], bound: f64, min: usize) -> Option<std::ops::Range<usize>> {
     let mut longest: Option<std::ops::Range<usize>> = None;
     let mut start = None;
+    // One step beyond the end closes a stretch that reaches it.
     for i in 0..=values.len() {
         let below = values.get(i).is_some_and(|value| *value < bound);
         match (below, start) {

@@ -58,6 +58,7 @@ fn named(reading: &Reading) -> (FindingKind, String) {
         return (FindingKind::ImuMounting, what);
     }
     let mut parts = Vec::new();
+    // Of several faults the last one below names the kind; the words have them all.
     let mut kind = FindingKind::ImuFrame;
     if reading.negated {
         parts.push("have the opposite sign");
@@ -144,6 +145,7 @@ pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Fin
         .chunks_exact(3)
         .flat_map(|angles| from_rpy(angles[0].to_radians(), angles[1].to_radians(), angles[2].to_radians()));
     mended.base.as_mut()?.quaternion = Some(orientation.collect());
+    // Taken only if orientation and rates agree in degrees.
     let so = imu_fit::judge(&mended).filter(|verdict| verdict.as_named < FITS)?;
     *log = mended;
     let message = format!(
@@ -294,6 +296,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
     if first < ALONG {
         return false;
     }
+    // A turn about x and one about y both put a unit upside down, and gravity does not show which it was.
     let other = if z > ALONG { " or mounting = [0, 180, 0], whichever the unit is turned about" } else { "" };
     let message = format!(
         "gravity points along {direction} of the inertial unit all the time while the legs move: the unit is mounted turned, or the \

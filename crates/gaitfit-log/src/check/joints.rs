@@ -61,6 +61,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
         );
         findings.add(FindingKind::ExtraJoint, Severity::Error, &extra, None, message);
     }
+    // The same joints in another order.
     if missing.is_empty() && extra.is_empty() && *expected != log.joints {
         let message = format!(
             "the log has {}, the robot {}; joints are matched by name, so only code that goes by number is at risk",

@@ -60,6 +60,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         // The velocities show which of the two clocks is right, the stated rate or the column.
         clock_is_wrong = velocity_over_derivative.is_some_and(|factor| equal(factor, ratio));
         let clock_is_right = velocity_over_derivative.is_some_and(|factor| equal(factor, 1.0));
+        // Within a factor of two, because the stated rate may be wrong too.
         let hint = match ratio {
             ratio if (500.0..2000.0).contains(&ratio) => {
                 "time is in milliseconds, it seems: divide it by 1000"
@@ -87,6 +88,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
     // Gaps and jitter are apart: a lost sample must not count as jitter.
     let gaps: Vec<usize> = spacing.lost.iter().map(|lost| lost.after).collect();
     if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
+        // At low rates a single lost sample takes as long as `LONG_GAP_S`.
         let severity =
             if steps[longest] > LONG_GAP_S.max(3.0 * typical) { Severity::Error } else { Severity::Warning };
         let remedy = match (replayed(log), severity) {
@@ -137,6 +139,7 @@ fn repeated_rows(findings: &mut Findings, typical: f64) {
         let severity = if replayed(log) { Severity::Error } else { Severity::Warning };
         findings.add(FindingKind::RepeatedRows, severity, &[], None, message);
     } else if moving && share > REPEATED {
+        // `--every 1` would change nothing.
         let message = format!(
             "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about {} Hz: \
              record or resample at that rate, for example with `gaitfit import LOG --every {} --out LESS.csv`",

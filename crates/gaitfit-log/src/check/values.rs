@@ -111,6 +111,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 }
             }
         }
+        // One finding a signal, with the worst joint as its example.
         let Some((joint, over)) = worst else { continue };
         let name = &log.joints[joint];
         let [low, high] = spec.position_limits[name];
@@ -150,6 +151,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
 /// Whether a joint that goes beyond its limits hits its stops, which give a little: for a moment each time, or because
 /// its targets lie further out. `column`: its positions, rad.
 fn hits_its_stop(log: &Trajectory, joint: usize, column: &[f64], [low, high]: [f64; 2]) -> bool {
+    // At low rates one sample counts as a moment, however long it is.
     let brief = (MOMENT_S * log.rate_hz).max(1.0);
     let target = log.column_at(Signal::Target, joint).and_then(|target| range(&target));
     let side = |beyond: Vec<bool>, further: bool| {

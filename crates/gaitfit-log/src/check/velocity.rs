@@ -48,6 +48,7 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
 
     // A wrong clock concerns all joints alike; fast motion between samples does not.
     let right = joints.iter().filter(|(_, scale)| scale.same() && equal(scale.factor, 1.0)).count();
+    // If more than a sixth of the joints have the factor 1, the clock is right.
     let shared = scales.shared.filter(|shared| !equal(*shared, 1.0) && 6 * right <= joints.len());
     let with_it = |scale: &Scale| shared.is_some_and(|shared| scale.may_be(shared));
     // Joints with the factor of most, and then those with one of their own.
@@ -98,6 +99,7 @@ fn scaled(
         return;
     }
     let factor = if equal(low, high) {
+        // Factors multiply, so the middle is the geometric mean.
         short((low * high).sqrt())
     } else {
         format!("{} to {}", short(low), short(high))

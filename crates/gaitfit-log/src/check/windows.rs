@@ -137,6 +137,7 @@ impl Window {
 
 /// The log's windows, each half over the one before; none when the log is too short to judge.
 pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
+    // Rounded down, so that at least `RATE_HZ` samples a second stay.
     let stride = ((log.rate_hz / RATE_HZ).floor() as usize).clamp(1, log.len().max(1));
     let rate = log.rate_hz / stride as f64;
     let length = ((WINDOW_S * rate).round() as usize).max(WINDOW_SAMPLES);

@@ -67,12 +67,14 @@ impl Limits {
         // At its greatest speed a joint may only be braked.
         let max = if dq >= speed { 0.0 } else { torque };
         let min = if dq <= -speed { 0.0 } else { -torque };
+        // The torque that the motor board will make in this state.
         let commanded = command.torque(q, dq);
         if (min..=max).contains(&commanded) {
             return command;
         }
         // First the target gives way, towards the angle where the torque is at its limit.
         if command.kp > 0.0 {
+            // The torque without its position term. `kp` times the way to the target makes the rest.
             let rest = commanded - command.kp * (command.q - q);
             let angle = q + (commanded.clamp(min, max) - rest) / command.kp;
             command.q = angle.clamp(self.lower[motor], self.upper[motor]);
@@ -83,6 +85,8 @@ impl Limits {
         }
         // Where the target is at the end of its range, or there is none, the gains give way.
         let commanded = command.torque(q, dq);
+        // One factor for all three, so that the torque keeps its sign and ends at the limit. If the limit is 0
+        // the motor is free.
         let factor = if commanded > max {
             max / commanded
         } else if commanded < min {

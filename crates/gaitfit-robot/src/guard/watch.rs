@@ -212,6 +212,7 @@ impl Watch {
         }
         // The world's z axis in the body frame; its z is the cosine of the tilt.
         // Rotating by a quaternion that is not quite of length 1 stretches by its length squared.
+        // The clamp is for rounding: beyond 1 the arc cosine is NaN, and NaN would pass the comparison.
         let tilt = (up(state.quaternion)[2] / (length * length)).clamp(-1.0, 1.0).acos().to_degrees();
         if tilt > self.settings.tilt {
             return Err(Reason::Tilt(tilt));

@@ -173,8 +173,11 @@ impl Joining {
         topic: (&str, &str),
         silent: bool,
     ) -> Result<Option<Writer<C>>, RobotError> {
+        // A robot that asks for reliable commands does not match a writer that offers less (DDS, requested
+        // against offered).
         let sending = qos(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) });
         let commands = self.topic(topic, &sending)?;
+        // Best effort matches writers of both kinds, so no other controller is missed for its settings.
         let others = self
             .subscriber
             .create_datareader_no_key_cdr::<Anything>(&commands, Some(self.listening.clone()))

@@ -104,7 +104,9 @@ impl MotionSwitcher {
         let left = || patience.saturating_sub(begin.elapsed());
         loop {
             // A release may take seconds, and its answer says nothing: what counts is the mode.
+            // At most 1 s for the answer, which need not come.
             self.ask(RELEASE_MODE, left().min(4 * AGAIN))?;
+            // The last look has 250 ms, also where the patience is over.
             let mode = self.check(left().max(AGAIN))?;
             if mode == MotionMode::Released || left().is_zero() {
                 return Ok(mode);
@@ -129,6 +131,7 @@ impl MotionSwitcher {
                 due += AGAIN;
             }
             // What cannot be read is none of ours.
+            // 16 are all that the reader keeps (`DEPTH`).
             for sample in self.responses.take(16, ReadCondition::any()).unwrap_or_default() {
                 let response = sample.into_value();
                 // An answer to any of the questions will do, also a late one.

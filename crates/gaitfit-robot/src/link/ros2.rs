@@ -28,6 +28,7 @@ impl Parts {
     }
 
     fn joints(&self, message: &JointState) {
+        // Copied, so that the inbox is not locked while the states are.
         let patience = lock(&self.inbox).patience;
         let taken = {
             let mut states = self.states.lock().unwrap_or_else(PoisonError::into_inner);
@@ -55,6 +56,7 @@ impl Parts {
 
 fn now() -> Stamp {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    // Seconds of ROS 2 are 32 bits with a sign (`builtin_interfaces/msg/Time`): they last until 2038.
     Stamp { sec: now.as_secs() as i32, nanosec: now.subsec_nanos() }
 }
 
@@ -68,6 +70,7 @@ impl Joining {
             Parts { states: Arc::new(Mutex::new(states)), names: Arc::clone(&names), inbox: self.inbox() };
         let dds = |topic: &Topic| (topic.dds_name(), topic.dds_type());
         let (name, kind) = dds(&ros.imu);
+        // Each topic has a thread of its own, with the same parts.
         let into = parts.clone();
         self.hear((&name, &kind), "imu", move |message: Imu| into.imu(&message))?;
         let (name, kind) = dds(&ros.states);

@@ -107,6 +107,7 @@ impl<'a> Simulated<'a> {
         let failed = |error: String| RobotError::Simulation(error);
         let body = Candidate::nominal(model).robot(&limp, &limp);
         let body = body.params(model).map_err(|error| failed(error.to_string()))?;
+        // One robot has no work for a second thread.
         let engine = Cpu { threads: 1 };
         let mut tile = engine.tile(batch, &[body], &[]).map_err(|error| failed(error.to_string()))?;
         tile.place(0, &standing(model, IDENTITY, &angles));
@@ -142,7 +143,10 @@ impl<'a> Simulated<'a> {
     fn step(&mut self) {
         for (motor, &joint) in self.joints.iter().enumerate() {
             let (q, dq) = (self.motion.joint_position[joint], self.motion.joint_velocity[joint]);
+            // Before the first command the motors give no torque.
             let wanted = self.command.map_or(0.0, |command| command[motor].torque(q, dq));
+            // Between two commands the joint moves and the torque with it, so the motor's limit acts at every
+            // step.
             let max = self.limits.torque[motor];
             self.torque[motor] = wanted.clamp(-max, max);
             self.torques[joint] = self.torque[motor];
@@ -161,6 +165,7 @@ impl<'a> Simulated<'a> {
                 q: self.joints.map(|joint| self.motion.joint_position[joint]),
                 dq: self.joints.map(|joint| self.motion.joint_velocity[joint]),
                 torque: self.torque,
+                // Temperature, errors and battery of a sound robot: no guard objects to them.
                 temperature: self.joints.map(|_| 30),
                 error: self.joints.map(|_| 0),
                 lost: self.joints.map(|_| 0),

@@ -71,8 +71,10 @@ impl Decode<'_, Vec<u8>> for Head {
             RepresentationIdentifier::CDR_BE => 0,
             RepresentationIdentifier::XCDR2_BE => 6,
             RepresentationIdentifier::XCDR2_LE => 7,
+            // CDR_LE is the only encoding left of those that are supported.
             _ => 1,
         };
+        // Two bytes have the encoding's number and two its options (RTPS, head of a serialised payload).
         Ok([&[0, head, 0, 0], bytes].concat())
     }
 }

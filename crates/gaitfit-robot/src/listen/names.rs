@@ -25,6 +25,7 @@ impl Topic {
     /// In words: names that no topic or type can have.
     pub fn new(name: &str, kind: &str) -> Result<Self, String> {
         let shown = name.escape_debug();
+        // ROS 2 allows no other letters in names.
         let plain = |text: &str, more: &str| {
             !text.is_empty()
                 && text.len() <= LONGEST
@@ -61,6 +62,7 @@ impl Topic {
 
     /// Makes a topic of its names in DDS; `None` where they are not ROS 2's.
     pub fn from_dds(name: &str, kind: &str) -> Option<Self> {
+        // The slash stays: a topic's name in ROS begins with it.
         let name = name.strip_prefix("rt").filter(|name| name.starts_with('/'))?;
         let (package, kind) = kind.split_once("::msg::dds_::")?;
         Some(Self { name: name.to_owned(), kind: format!("{package}/msg/{}", kind.strip_suffix('_')?) })

@@ -25,9 +25,11 @@ pub(super) fn least(squares: &[f64], best: usize, count: usize, overlap: f64) ->
         Some((before, after))
             if before + after - 2.0 * squares[best] > 0.0 && (before + after).is_finite() =>
         {
+            // One standard error off, the squares exceed their minimum by the noise of one of them.
             let bend = before + after - 2.0 * squares[best];
             (0.5 * (before - after) / bend, overlap * (2.0 * noise / bend).sqrt())
         }
+        // At an end of the tried delays, or without a bend, there is no vertex: the error is a whole step.
         _ => (0.0, 1.0),
     };
     Measured { value: best as f64 + fraction, error }

@@ -176,6 +176,7 @@ impl Flight {
             Some(state) if self.stage == Stage::Damping => {
                 limits.for_damping().admit(&wanted, state).unwrap_or(wanted)
             }
+            // A target that is no number becomes damping.
             Some(state) => limits.admit(&wanted, state).unwrap_or_else(|| damping(&self.damping)),
             None => damping(&self.damping),
         };
@@ -194,6 +195,7 @@ impl Flight {
             return damping(&self.damping);
         }
         let (stage, time) = plan.stage(now.saturating_sub(self.begun));
+        // The plan is over: this end is orderly and has no reason.
         if stage == Stage::Damping {
             (self.stage, self.damped) = (stage, now);
             return damping(&self.damping);

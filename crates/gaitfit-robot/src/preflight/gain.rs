@@ -50,6 +50,7 @@ pub(super) fn reported(rows: &[Row], window: Range<usize>, motor: usize, message
         return None;
     }
     let longest = DELAYS as f64 * DELAY_STEP;
+    // An age is not longer than the longest delay, because the smoothed rows begin only that much earlier.
     let steps = |time: f64| (time.min(longest) / STEP).round() as usize;
     let smooth = Smooth::new(rows, window, motor, steps(longest));
     let average = mean(&smooth.torque);
@@ -104,6 +105,7 @@ impl Smooth {
     fn new(rows: &[Row], window: Range<usize>, motor: usize, longest: usize) -> Self {
         let half = LENGTH / 2;
         // Weights of a bump without corners: smoothing takes the noise that kd would enlarge.
+        // Divided by `half + 1`, so that the outermost of the 15 samples still count.
         let bump = |k: usize| 1.0 - ((k as f64 - half as f64) / (half as f64 + 1.0)).powi(2);
         let weights: Vec<f64> = (0..=2 * half).map(|k| bump(k).powi(2)).collect();
         let sum: f64 = weights.iter().sum();
@@ -133,6 +135,7 @@ impl Smooth {
 
     /// A value `back` steps before the row `at`.
     fn before(values: &[f64], at: usize, back: usize) -> f64 {
+        // Linear between rows, because a step is an eighth of a row.
         let exact = back as f64 * PART;
         let part = exact.fract();
         let value = |back: usize| values[at.saturating_sub(back)];
@@ -155,12 +158,15 @@ impl Smooth {
             xy += command * torque;
             yy += torque * torque;
         }
+        // From here on about the means.
         (xx, xy, yy) = (xx - x * x / count, xy - x * y / count, yy - y * y / count);
         let slope = if xx > 0.0 { xy / xx } else { 0.0 };
+        // Rounding may leave a little less than 0.
         let alone = Tried { age, delay, left: (yy - slope * xy).max(0.0), gain: slope };
         // Total least squares (Pearson 1901):
         // Errors in both: the slope is that of the longest axis, and the squares across it are left.
         let long = 0.5 * (xx + yy + ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
+        // If only the reported torque varies, the axis is vertical and this denominator 0.
         let axis = xy / (long - yy).max(1e-12 * long + f64::MIN_POSITIVE);
         (alone, Tried { left: (xx + yy - long).max(0.0), gain: axis, ..alone })
     }

@@ -26,6 +26,8 @@ pub(super) fn load(model: &Model, joint: usize, q: &[f64], up: Vec3) -> Load {
         q[joint] += by;
         about(model, joint, &q, up)
     };
+    // With 1e-4 rad a central difference is off by about 1e-8 of the torque from curvature and 1e-12 from
+    // rounding.
     let ([low, _], [high, _]) = (at(-STEP), at(STEP));
     let [torque, inertia] = at(0.0);
     Load { torque, slope: (high - low) / (2.0 * STEP), inertia }

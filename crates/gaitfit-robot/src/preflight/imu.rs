@@ -114,6 +114,7 @@ pub(super) fn judge(report: &mut ImuReport, heard: &[Heard], simulator: bool, fi
     }
     gravity(report, simulator, findings);
     gyro(report, findings);
+    // Without an orientation there is nothing more to judge.
     let Some(attitude) = mean_attitude(heard) else {
         findings.push(Finding::fault(
             Check::Attitude,

@@ -68,6 +68,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
         JointReport {
             joint: robot.motors[motor].joint.clone(),
             angle,
+            // A wheel's range is infinite.
             room: room.is_finite().then_some(room),
             moved: span(q.iter().copied()),
             // Differences of neighbours leave a slow sway out. Their variance is twice that of one reading.
@@ -77,6 +78,7 @@ pub(super) fn joints(heard: &[Heard], robot: &Robot) -> Vec<JointReport> {
             velocity_noise: deviation(&dq),
             torque: mean(&finite(&|one| one.state.torque[motor])),
             temperature: heard.iter().map(|one| one.state.temperature[motor]).max().unwrap_or(0),
+            // An error that has gone again counts too.
             error: heard.iter().map(|one| one.state.error[motor]).find(|error| *error != 0).unwrap_or(0),
             // A counter of 32 bits, which may wrap.
             lost: heard.last().map_or(0, lost).wrapping_sub(heard.first().map_or(0, lost)),
@@ -151,6 +153,7 @@ pub(super) fn judge(
                 "Some motors have two encoders: check that the angle comes from the finer one",
             ));
         }
+        // Without a limit only temperatures that no motor has are faults.
         let hot = robot.guard.temperature.unwrap_or(i16::MAX);
         let degrees = report.temperature;
         if degrees > hot || degrees < NO_TEMPERATURE[0] || degrees > NO_TEMPERATURE[1] {

@@ -70,6 +70,7 @@ impl Listened {
         let network = network::network(heard, others);
         network::judge(&network, simulator, &mut findings);
         let mut listened = Self { network, joints: Vec::new(), imu: None, charge: None };
+        // With so few states, means and noise would mislead. The network's findings already have this fault.
         if heard.len() < network::FEWEST {
             return (listened, findings);
         }
@@ -141,6 +142,7 @@ pub fn tilt(
     stop: &dyn Fn() -> Option<Reason>,
 ) -> Result<Vec<Tilted>, RobotError> {
     let mut tilting = Tilting::new();
+    // The last state counts from 0, so a robot that never sends ends the waiting too.
     let (mut asked, mut last) = (None, Duration::ZERO);
     loop {
         let now = turns.next();

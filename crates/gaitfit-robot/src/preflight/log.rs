@@ -81,6 +81,7 @@ pub fn sampled(flown: &Flown) -> SampledStates {
 }
 
 fn is_finite(state: &RobotState) -> bool {
+    // These are the numbers that are interpolated: one NaN would spoil all rows beside it.
     let parts: [&[f32]; 3] = [&state.q, &state.dq, &state.torque];
     parts.iter().all(|part| part.iter().all(|x| x.is_finite()))
 }
@@ -107,6 +108,7 @@ fn head(robot: &Robot, columns: &[&str]) -> String {
 
 fn numbers<'n>(text: &mut String, numbers: impl IntoIterator<Item = &'n f32>) {
     for number in numbers {
+        // As f64, so that a reader of f64 gets the robot's f32 without rounding.
         let _ = write!(text, ",{:?}", f64::from(*number));
     }
 }
@@ -122,6 +124,7 @@ pub fn motion_csv(flown: &Flown, sampled: &SampledStates, robot: &Robot) -> Opti
     // The ways to and from the hanging pose start from anywhere and are no part of the log.
     let kept = |row: &&Row| matches!(row.stage, Stage::Hold | Stage::Joint(_) | Stage::Excite);
     let rows: Vec<&Row> = sampled.rows.iter().filter(kept).collect();
+    // The log's time begins at 0.
     let begin = rows.first()?.time;
     let gains =
         |values: &[f32]| values.iter().map(|x| format!("{:?}", f64::from(*x))).collect::<Vec<_>>().join(", ");

@@ -175,6 +175,7 @@ fn joint(
         (0..robot.motors.len()).filter(|index| *index != motor).map(|index| (index, travelled(index)));
     // A joint that moves instead of the commanded one shows a wrong order.
     let other = others.max_by(|a, b| a.1.total_cmp(&b.1));
+    // Up, back, down and back again. The quick motion after them does not count for the amount.
     let response = response(sampled, window.clone(), motor, (2.0 * SLOW / DT) as usize);
     let equation = response.and_then(|response| response.equation);
     let carried = file.zip(equation).and_then(|(file, equation)| {
@@ -184,6 +185,7 @@ fn joint(
     let motion = JointMotion {
         joint: robot.motors[motor].joint.clone(),
         moved: travelled(motor),
+        // From one end of the motion to the other.
         asked: 2.0 * f64::from(plan.amplitude()[motor]),
         other: other.map(|(index, far)| (robot.motors[index].joint.clone(), far)),
         follows: response.map(|response| response.follows),
@@ -248,6 +250,8 @@ impl Carried {
         let slope = factor * slope;
         // To first order in the zero, with the slope at the reading:
         // torque(reading − zero) = weight.
+        // Where the links stand upright or hang straight down the slope is near 0. Then the error is huge, and
+        // nobody judges the zero.
         let zero = Measured {
             value: (factor * torque - weight.value) / slope,
             error: error / slope.abs().max(1e-6),

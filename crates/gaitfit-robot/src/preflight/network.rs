@@ -118,6 +118,7 @@ fn clock(heard: &[Heard]) -> Option<ClockReport> {
 
 /// Adds what is wrong with it. `simulator`: checksum and counter may be absent.
 pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<Finding>) {
+    // Judged first, so that it shows even where hardly any state came.
     if report.other_commands > 0 {
         findings.push(Finding::fault(
             Check::SecondController,
@@ -147,6 +148,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
             "Another program writes to this topic, or the messages are of another version: check `messages` in the robot's file",
         ));
     }
+    // Simulators may leave the checksum out.
     if report.without_checksum > 0 && !simulator {
         findings.push(Finding::fault(
             Check::Messages,
@@ -172,6 +174,7 @@ pub(super) fn judge(report: &NetworkReport, simulator: bool, findings: &mut Vec<
             format!("{lost} of {} states were lost ({:.1} %)", lost + report.messages as u64, 100.0 * share);
         let remedy =
             "Use a cable and a network interface of its own, and end other programs that use the network";
+        // Below both limits single losses are no finding.
         if share > LOST[1] {
             findings.push(Finding::fault(Check::Gaps, problem, remedy));
         } else if share > LOST[0] {

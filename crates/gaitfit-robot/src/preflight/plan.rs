@@ -94,6 +94,7 @@ impl Plan {
             let [low, high] = robot.motors[motor].range.unwrap_or([f32::NEG_INFINITY, f32::INFINITY]);
             // The motion is the same to both sides, so the nearer end of the range bounds it.
             let room = (high - hanging[motor]).min(hanging[motor] - low) - ROOM as f32;
+            // An infinite range leaves the whole amplitude.
             room.clamp(0.0, AMPLITUDE as f32)
         });
         Self {
@@ -195,6 +196,7 @@ fn alone(time: f64) -> f64 {
     } else if time < 2.0 * SLOW {
         -bump(time - SLOW)
     } else {
+        // After its end the motion stays at 0.
         let time = (time - 2.0 * SLOW).min(QUICK);
         QUICK_PART * (TAU * QUICK_HZ * time).sin() * (PI * time / QUICK).sin().powi(2)
     }

@@ -62,6 +62,7 @@ pub(super) fn response(
         return None;
     }
     let angles: Vec<f64> = inside.iter().map(|row| f64::from(row.state.q[motor])).collect();
+    // Such a joint gets no equation. `judge` reports it by its travel alone.
     if span(angles.iter().copied()) < 0.01 {
         return None;
     }
@@ -95,6 +96,7 @@ fn equation(
     // For each delay the equation is linear in its five coefficients: the delay with the least squares is taken.
     let all: Vec<_> =
         (0..=DELAYS).map(|delay| equations(rows, window.clone(), motor, centre, delay)).collect();
+    // Velocities alone decide which bumps count, so all delays have the same ones.
     let count = all[0].len();
     if count < FEWEST {
         return None;
@@ -111,7 +113,9 @@ fn equation(
     let delay = least(&squares, best, count, overlap);
     let solved = |at: usize| {
         let (coefficients, covariance, left) = least_squares(&all[at.min(DELAYS)])?;
+        // Six degrees of freedom go to the five coefficients and the delay.
         let noise = left / count.saturating_sub(6).max(1) as f64;
+        // The fifth coefficient, the change of weight with the angle, is solved for but not reported.
         Some(std::array::from_fn::<Measured, 4, _>(|k| Measured {
             value: coefficients[k],
             error: overlap * (noise * covariance[k][k].max(0.0)).sqrt(),
@@ -125,6 +129,7 @@ fn equation(
         return Some(Equation { delay, inertia, damping, friction, weight });
     }
     // Without a delay of its own the joint gets the one that its torque shows.
+    // The steps are the inverse of `seconds`.
     let [_, damping, friction, weight] = solved(((otherwise + HELD) / DELAY_STEP).round().max(0.0) as usize)?;
     Some(Equation { delay: None, inertia: None, damping, friction, weight })
 }
@@ -164,6 +169,7 @@ fn equations(
         }
         for k in 0..LENGTH {
             let at = begin + k;
+            // Samples lie in the middles of equal parts of the bump (midpoint rule).
             let x = (k as f64 + 0.5) * DT / half - 1.0;
             // 0 at both ends, so that integration by parts leaves no boundary terms; `bent` is its derivative by
             // time.

@@ -47,6 +47,7 @@ pub(super) fn robust(values: &[f64]) -> Measured {
     let centre = median(values);
     let distances: Vec<f64> = values.iter().map(|x| (x - centre).abs()).collect();
     let spread = MEDIAN_TO_DEVIATION * median(&distances);
+    // √(π/2): the median of normal samples scatters by this factor more than their mean.
     Measured { value: centre, error: 1.2533 * spread / (values.len().max(1) as f64).sqrt() }
 }
 
@@ -97,6 +98,8 @@ pub(super) fn least_squares<const N: usize>(
         left.swap(pivot, best);
         inverse.swap(pivot, best);
         let factor = left[pivot][pivot];
+        // The pivot is 1 for columns at right angles. Below 1e-9 rounding (1e-16) leaves less than seven
+        // digits.
         if factor.abs() < 1e-9 {
             return None;
         }

@@ -85,6 +85,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let wanted = f64::from(last.command[motor].q - first.command[motor].q);
     let by = |index: usize| f64::from(last.state.q[index] - first.state.q[index]);
     // The last rows, where the target had gone furthest.
+    // 50 rows are 0.1 s: long enough for a mean of noisy torques.
     let end = &rows[rows.len().saturating_sub(LAST)..];
     let made: Vec<f64> = end
         .iter()
@@ -98,6 +99,7 @@ fn astray(sampled: &SampledStates, robot: &Robot, motor: usize) -> Finding {
     let other = (0..robot.motors.len())
         .filter(|index| *index != motor)
         .map(|index| (index, (by(index) - f64::from(last.command[index].q - first.command[index].q)).abs()))
+        // Clearly off: by half of this joint's way at least.
         .filter(|(_, far)| *far > 0.5 * wanted.abs() && *far > 2.0 * MOVED)
         .max_by(|a, b| a.1.total_cmp(&b.1));
     // From the cause that explains most to the one that is left: a motor without torque also sticks.

@@ -94,6 +94,7 @@ pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Findi
             .map(|one| format!("{} reads as a turn about {}", name(one.motion), axis_name(one.turn)))
             .collect();
         let remedy = match whole {
+            // A unit that is not turned does not explain wrong axes.
             Some((angles, away)) if away < OFF_AXIS && angles != [0.0; 3] => {
                 mounted = Some(angles);
                 format!("The unit is mounted turned: state imu.mounting = {angles:?} (roll, pitch, yaw) in logs")

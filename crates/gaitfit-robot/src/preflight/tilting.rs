@@ -89,8 +89,10 @@ impl Tilting {
                 }
             }
             Some(_) => None,
+            // The first message: the robot is still until the next one shows a turn.
             None => Some(true),
         };
+        // Between such messages the older one stays the reference.
         if let Some(still) = still {
             self.last = Some((one.came, q));
             match still {

@@ -8,6 +8,7 @@ use super::Heard;
 pub(super) fn orientation(quaternion: [f32; 4]) -> Option<Quat> {
     let wide = quaternion.map(f64::from);
     let length = wide.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // The guard refuses the same lengths (`OFF_UNIT`).
     (length.is_finite() && (length - 1.0).abs() < 0.05).then(|| wide.map(|x| x / length))
 }
 
@@ -32,6 +33,7 @@ pub(super) fn mean_attitude(heard: &[Heard]) -> Option<Quat> {
 /// Roll, pitch and yaw, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
 pub(super) fn roll_pitch_yaw(q: Quat) -> [f64; 3] {
     let [w, x, y, z] = q;
+    // Rounding may bring the sine beyond 1.
     let pitch = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();
     let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
     let yaw = (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z));
@@ -56,6 +58,7 @@ pub(super) fn turn_between(from: Quat, to: Quat) -> Vec3 {
     let part = [q[1], q[2], q[3]];
     let sine = dot(part, part).sqrt();
     let angle = 2.0 * sine.atan2(q[0]);
+    // For a smaller sine the direction of the axis is rounding.
     if sine > 1e-12 { part.map(|x| x * angle / sine) } else { [0.0; 3] }
 }
 
@@ -84,6 +87,7 @@ pub(super) fn nearest_quarter_turns(q: Quat) -> ([f64; 3], f64) {
 /// base. `None` if these are not nearly at right angles.
 pub(super) fn mounting(read: [Vec3; 3]) -> Option<Quat> {
     let [x, y, z] = [unit(read[0])?, unit(read[1])?, unit(read[2])?];
+    // 0.7 rad is 40°: turns by hand are not pure, and from 45° on the nearest quarter turn is ambiguous.
     let square = angle(cross(x, y), z) < 0.7 && (angle(x, y) - std::f64::consts::FRAC_PI_2).abs() < 0.7;
     if !square {
         return None;
@@ -98,6 +102,7 @@ pub(super) fn mounting(read: [Vec3; 3]) -> Option<Quat> {
 pub(super) fn advanced(q: Quat, rate: Vec3, seconds: f64) -> Quat {
     let speed = dot(rate, rate).sqrt();
     let half = 0.5 * speed * seconds;
+    // At a speed of 0 this is the limit of sin(half) / speed.
     let part = if speed > 1e-12 { half.sin() / speed } else { 0.5 * seconds };
     product(q, [half.cos(), rate[0] * part, rate[1] * part, rate[2] * part])
 }

@@ -17,6 +17,7 @@ fn placed(text: &str, error: &toml::de::Error) -> String {
     let message = with_meant(error.message()).replace('\n', "; ");
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
     let line = before.matches('\n').count() + 1;
+    // Columns count characters, as editors do.
     let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
     format!("line {line}, column {column}: {message}")
 }
@@ -67,6 +68,7 @@ impl Robot {
         if let Some(problem) = self.wrong_kind() {
             return Some(problem);
         }
+        // The comparison is written so that NaN fails too.
         let rules = [("tilt", self.guard.tilt), ("kp", self.guard.kp), ("kd", self.guard.kd)];
         if let Some((name, value)) = rules.into_iter().find(|(_, value)| !(*value > 0.0 && *value <= LARGEST))
         {
@@ -86,6 +88,7 @@ impl Robot {
             }
             taken.push(slot);
             for name in std::iter::once(name).chain(&motor.aliases) {
+                // `Motor::moves` takes the ending away before it compares.
                 if name.is_empty() || name.ends_with("_joint") || named.contains(&name) {
                     return Some(format!("motor `{name}`: name each joint once, without `_joint`"));
                 }
@@ -105,6 +108,7 @@ impl Robot {
         {
             return Some(format!("`{name}` is {value}; give a number above 0"));
         }
+        // The guard clamps larger gains: the robot would stand up more softly than its file says.
         let gains = [
             ("kp", motor.kp, self.guard.kp),
             ("kd", motor.kd, self.guard.kd),
@@ -118,6 +122,7 @@ impl Robot {
         if motor.damping == 0.0 {
             return Some("`damping` is 0; it must resist motion when the robot is stopped".to_owned());
         }
+        // ] A wheel has no range, but its angles must be finite numbers too.
         let [low, high] = motor.range.unwrap_or([-LARGEST, LARGEST]);
         if !(low < high && low >= -LARGEST && high <= LARGEST) {
             return Some(format!("`range` is {low} to {high}; give the lower angle first"));

@@ -200,6 +200,7 @@ impl Robot {
             (None, Some([low, high])) if high - low > 2.0 * STOPS => {
                 motor.lying.clamp(low + STOPS, high - STOPS)
             }
+            // In a range this narrow `clamp` would panic. The middle is furthest from both stops.
             (None, Some([low, high])) => 0.5 * (low + high),
             (None, None) => motor.lying,
         })
@@ -218,6 +219,7 @@ impl Robot {
         let mut indices: Vec<usize> = Vec::with_capacity(self.motors.len());
         for joint in joints {
             let motor = self.motors.iter().position(|motor| motor.moves(joint));
+            // Two names of one motor name it twice.
             match motor.filter(|motor| !indices.contains(motor)) {
                 Some(motor) => indices.push(motor),
                 None => {
@@ -249,6 +251,7 @@ impl Robot {
     /// A policy for other joints.
     pub fn postures(&self, interface: &Interface) -> Result<Postures, RobotError> {
         let motors = self.motors_of(&interface.joints)?;
+        // First all motors as if they were held; the policy's own follow below.
         let mut postures = Postures {
             lying: self.each(|motor| motor.lying),
             standing: self.each(|motor| motor.held.unwrap_or(motor.lying)),
@@ -270,6 +273,7 @@ impl Robot {
             }
         }
         for held in &interface.held {
+            // A joint that the policy moves has its pose already.
             let motor = self.motors.iter().position(|motor| motor.moves(&held.joint));
             if let Some(motor) = motor.filter(|motor| !motors.contains(motor)) {
                 postures.standing[motor] = held.position as f32;

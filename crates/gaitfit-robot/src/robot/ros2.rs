@@ -135,6 +135,7 @@ impl Robot {
         if self.guard.temperature.is_none() {
             return Some("`guard.temperature` is missing; give the hottest a motor may be, in °C".to_owned());
         }
+        // A key without effect would hide a mistake.
         let keys = [
             ("imu_topic", self.imu_topic.is_some()),
             ("command_type", self.command_type.is_some()),
@@ -149,6 +150,7 @@ impl Robot {
         let mut seen: Vec<&str> = Vec::with_capacity(self.motors.len());
         for motor in &self.motors {
             let name = motor.topic_name.as_ref().unwrap_or(&motor.joint);
+            // A message with a longer name is refused when it comes, so the joint would never be found.
             if name.is_empty() || name.len() > crate::ros::MAX_NAME || seen.contains(&name.as_str()) {
                 return Some(format!(
                     "motor `{}`: the name `{name}` in messages; give each joint its own `topic_name` of 1 to {} bytes",
@@ -163,6 +165,7 @@ impl Robot {
 
     fn wrong_order(&self) -> Option<String> {
         let array = self.command_type == Some(CommandType::Float64MultiArray);
+        // Only arrays have an order, and they need one.
         let order = match &self.command_order {
             None if array => {
                 return Some(

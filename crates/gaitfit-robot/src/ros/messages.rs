@@ -17,6 +17,7 @@ pub struct Stamp {
 impl Stamp {
     /// It in ms, modulo 2³²; 0 if it is not set.
     pub fn ms(self) -> u32 {
+        // The cast keeps the low 32 bits. The guard takes differences modulo 2³².
         (i64::from(self.sec) * 1000 + i64::from(self.nanosec / 1_000_000)) as u32
     }
 }

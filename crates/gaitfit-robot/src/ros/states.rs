@@ -65,6 +65,8 @@ impl States {
 
     /// Writes [`Self::names`] to `names` if they changed.
     pub fn keep_names(&self, names: &mut Vec<String>) {
+        // Messages come hundreds of times a second, and names hardly ever change: a comparison allocates
+        // nothing.
         let same = |(place, name): (&usize, &String)| self.names[*place] == *name;
         if !self.names.is_empty() && !self.places.iter().zip(names.iter()).all(same) {
             *names = self.names();
@@ -166,6 +168,7 @@ impl States {
             (places.next(), places.next())
         };
         let places: Vec<_> = self.motors.iter().map(place).collect();
+        // Another program may publish joints of its own on this topic.
         if places.iter().all(|(first, _)| first.is_none()) {
             return Ok(false);
         }
@@ -188,6 +191,7 @@ impl States {
     }
 
     fn reading(&self, message: &JointState, imu: &Imu) -> Reading {
+        // `effort` may be empty and then reads 0. The other arrays are as long as the names.
         let values_of =
             |values: &[f64]| self.places.map(|place| values.get(place).map_or(0.0, |x| *x as f32));
         let three = |v: super::Vector3| [v.x, v.y, v.z].map(|x| x as f32);

@@ -95,6 +95,7 @@ impl Steering {
             Key::TurnRight => (2, -1),
             Key::Halt | Key::LieDown => {
                 steps.0 = [0; 3];
+                // Nothing takes lying down back.
                 steps.1 |= key == Key::LieDown;
                 return [0.0; 3];
             }

@@ -84,6 +84,7 @@ impl<'a> Controller<'a> {
     pub fn cycle(&mut self, now: Duration, board: &mut Board) -> Result<(), RobotError> {
         let Some((came, state)) = board.state else { return Ok(()) };
         let age = now.saturating_sub(came).as_secs_f64();
+        // An idle robot gets no commands: there is nothing to record.
         if board.phase != Phase::Idle {
             self.recorder.whole(now.as_secs_f64(), &state, age, board.phase, board.sent.as_ref())?;
         }

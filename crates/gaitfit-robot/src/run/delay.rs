@@ -56,6 +56,7 @@ impl Trace {
         let states: Vec<&(Duration, RobotState)> =
             self.states.iter().filter(|(came, _)| *came >= first).collect();
         let power: f64 = states.iter().flat_map(|(_, state)| &state.torque).map(|x| f64::from(x * x)).sum();
+        // A robot that reports no torques has zeros.
         if states.len() < FEWEST || power == 0.0 {
             return None;
         }

@@ -29,6 +29,7 @@ pub struct Lateness {
 impl Jitter {
     /// A turn that was due at `due` came at `now`.
     pub fn take(&mut self, due: Duration, now: Duration) {
+        // A longer run keeps its first turns, so memory stays bounded.
         if self.late.len() < MAX_SAMPLES {
             self.late.push(u32::try_from(now.saturating_sub(due).as_micros()).unwrap_or(u32::MAX));
         }

@@ -181,12 +181,14 @@ fn send<'a>(
     stop: &(dyn Fn() -> Option<Reason> + Sync),
 ) -> Sender<'a> {
     let mut beat = Beat::new(begin, TICK);
+    // The policy's loop sets this when it is done, whatever its outcome.
     while !*lock(ended) {
         let (due, now) = beat.next();
         let mut board = lock(board);
         if let Some(reason) = stop() {
             board.stop = Some(reason);
         }
+        // Asked before the turn, so that the turn that arms the robot does not count.
         let armed = board.phase != Phase::Idle;
         sender.cycle(now, &mut board);
         drop(board);

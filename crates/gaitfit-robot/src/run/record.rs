@@ -88,6 +88,7 @@ impl Recorder {
         interface: &Interface,
         robot: &Robot,
     ) -> Result<Self, RobotError> {
+        // At least two digits, as `gaitfit collect` has them.
         let digits = count.saturating_sub(1).to_string().len().max(2);
         Self::within(folder, Some(digits), interface, robot)
     }
@@ -108,6 +109,8 @@ impl Recorder {
         let mut head = format!("# robot = {:?}\n# rate_hz = {:?}\n", robot.name, 1.0 / interface.control_dt);
         let body = [&BASE_QUATERNION[..], &BASE_RATES].concat().join(",");
         let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
+        // Made before the policy's gains are in the head: other phases have other gains, and the columns `SENT`
+        // have them.
         let whole = format!("{head}time{},{body},{more},phase{}\n", named(&["q_", "dq_"]), named(&SENT));
         let _ = writeln!(head, "# kp = {:?}\n# kd = {:?}", interface.kp, interface.kd);
         if !interface.velocity_joints.is_empty() {
@@ -162,6 +165,7 @@ impl Recorder {
     /// Removes the logs that have no row yet.
     pub fn remove_empty(&mut self) {
         if self.walk.as_ref().is_some_and(|log| log.rows == 0) {
+            // Dropping the view writes the file's end. By then the file has no name any more.
             self.view.take().map(|view| std::fs::remove_file(view.path()));
         }
         for slot in [&mut self.walk, &mut self.whole] {

@@ -42,6 +42,7 @@ impl Script {
         }
         for (index, (time, command)) in rows.iter().enumerate() {
             let line = index + 1;
+            // NaN is in no range.
             if !(0.0..=MAX_WALK_SECONDS).contains(time) || index > 0 && *time <= rows[index - 1].0 {
                 return refuse(format!(
                     "time {line} is {time}; give seconds up to {MAX_WALK_SECONDS}, each later than the one before"
@@ -79,6 +80,7 @@ impl Script {
             walks.push([begin, end]);
             begin = end + pause;
         }
+        // All walks together are checked like one: their whole time is bounded too.
         Ok(Self { walks, many: true, ..Self::new(rows)? })
     }
 
@@ -129,6 +131,7 @@ impl Script {
     /// The command at `time`, s; `None` once the walk is over.
     pub fn at(&self, time: f64) -> Option<[f32; 3]> {
         let next = self.rows.partition_point(|(begin, _)| *begin <= time);
+        // The last row is no command: it only ends the walk.
         (next < self.rows.len()).then(|| self.rows[next.saturating_sub(1)].1)
     }
 
@@ -141,6 +144,7 @@ impl Script {
 
     /// The least and the largest of each part of the commands that are walked under: forward, left (m/s), yaw rate (rad/s).
     pub fn extremes(&self) -> [[f64; 2]; 3] {
+        // The last row is no command.
         let walked = &self.rows[..self.rows.len().saturating_sub(1)];
         std::array::from_fn(|part| {
             walked

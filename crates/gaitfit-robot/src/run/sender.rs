@@ -57,6 +57,7 @@ impl<'a> Sender<'a> {
 
     /// Its part of the work at `now`.
     pub fn cycle(&mut self, now: Duration, board: &mut Board) {
+        // Taken apart, because the closure below changes some of them while the link is borrowed.
         let Self {
             link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, ..
         } = self;
@@ -122,11 +123,13 @@ impl<'a> Sender<'a> {
                 }
             }
         }
+        // The time is that of the last message, the state that of the last good one.
         board.state = last_came.and_then(|came| Some((came, *supervisor.state()?)));
         board.phase = supervisor.phase();
         board.awaits_policy = supervisor.awaits_policy(now);
         board.over = supervisor.is_over(now);
         board.reason = supervisor.reason().or(supervisor.refused()).cloned();
+        // In a dry run nothing was sent, so the cells of the log are empty.
         board.sent = if self.dry { None } else { command };
     }
 

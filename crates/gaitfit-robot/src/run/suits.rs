@@ -17,6 +17,7 @@ const SLOWEST: f64 = 0.1;
 pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     let (interface, limits, title) = (&policy.interface, robot.limits(), &robot.title);
     let unfit = |problem: String, remedy: String| Err(RobotError::Unfit { problem, remedy });
+    // First whether the policy is for this robot at all, then its numbers joint by joint.
     if interface.reference.is_some() {
         return unfit(
             "follows a motion, which gaitfit does not run on a robot yet: the motion would play while the robot stands and waits, \
@@ -63,6 +64,7 @@ pub fn suits(policy: &Policy, robot: &Robot) -> Result<(), RobotError> {
     for (motor, joint) in robot.joints().iter().enumerate() {
         let gains = [("kp", postures.kp[motor], limits.kp), ("kd", postures.kd[motor], limits.kd)];
         for (name, gain, max) in gains {
+            // NaN is in no range and is refused too.
             if !(0.0..=max).contains(&gain) {
                 return unfit(
                     format!("has {name} = {gain} at joint `{joint}`, and the guard lets 0 to {max} through"),

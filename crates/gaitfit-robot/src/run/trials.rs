@@ -39,6 +39,7 @@ pub fn trials(repeats: usize, speeds: [f32; 3]) -> Result<Vec<Trial>, RobotError
     if !(1..=MAX_REPEATS).contains(&repeats) {
         return refuse(format!("{repeats} drift trials of each direction; give 1 to {MAX_REPEATS}"));
     }
+    // A direction without speed would be a trial of standing.
     let directions = (0..3).filter(|&part| speeds[part] > 0.0).flat_map(|part| {
         [1.0, -1.0].into_iter().zip(DIRECTIONS[part]).map(move |(sign, direction)| {
             let mut command = [0.0; 3];
@@ -82,13 +83,16 @@ impl<'a> Trials<'a> {
 impl Commands for Trials<'_> {
     fn at(&mut self, time: f64, _: &RobotState) -> Option<Order> {
         if self.begun.is_some_and(|begun| time - begun >= STAND + COMMAND + STAND) {
+            // Each trial has a wait of its own.
             (self.begun, self.waiting) = (None, None);
             self.number += 1;
         }
+        // After the last trial there is no order, so the robot lies down.
         let trial = self.trials.get(self.number)?;
         let begun = match self.begun {
             Some(begun) => begun,
             None => match (self.next)(self.number, time - *self.waiting.get_or_insert(time)) {
+                // Without a walk nothing is recorded between two trials.
                 Next::Wait => return Some(Order { command: [0.0; 3], walk: None }),
                 Next::Begin => *self.begun.insert(time),
                 Next::End => return None,
@@ -96,6 +100,7 @@ impl Commands for Trials<'_> {
         };
         let walks = (STAND..STAND + COMMAND).contains(&(time - begun));
         let command = if walks { trial.command } else { [0.0; 3] };
+        // Standing before and after the command is part of a trial's log.
         Some(Order { command, walk: Some((self.number, begun)) })
     }
 }

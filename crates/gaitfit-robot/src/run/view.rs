@@ -24,12 +24,14 @@ struct Rows {
 
 impl Write for Rows {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        // Kept until the row is whole.
         self.row.extend_from_slice(bytes);
         Ok(bytes.len())
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
         let written = self.file.put(&self.row);
+        // A row that could not be written is not tried again.
         self.row.clear();
         written
     }
@@ -74,6 +76,7 @@ impl View {
         let of_motors =
             |values: &[f32]| motors.iter().map(|&motor| f64::from(values[motor])).collect::<Vec<_>>();
         let wide = |values: &[f32]| values.iter().copied().map(f64::from).collect::<Vec<_>>();
+        // NaN means that the robot does not report it.
         let battery = state
             .battery
             .map_or([f64::NAN; 2], |battery| [f64::from(battery.charge), f64::from(battery.volts)]);

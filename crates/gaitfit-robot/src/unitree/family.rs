@@ -59,6 +59,7 @@ impl StateMessage for LowState {
                 dq: slots.map(|slot| motors[slot].dq),
                 torque: slots.map(|slot| motors[slot].tau_est),
                 temperature: slots.map(|slot| motors[slot].temperature.into()),
+                // These messages have no error numbers.
                 error: slots.map(|_| 0),
                 lost: slots.map(|slot| motors[slot].lost),
                 quaternion: self.imu_state.quaternion,
@@ -103,6 +104,7 @@ impl StateMessage for hg::LowState {
                 // Two sensors a motor; the hotter one counts.
                 temperature: slots.map(|slot| motors[slot].temperature[0].max(motors[slot].temperature[1])),
                 error: slots.map(|slot| motors[slot].motorstate),
+                // These messages do not count lost packets.
                 lost: slots.map(|_| 0),
                 quaternion: self.imu_state.quaternion,
                 gyroscope: self.imu_state.gyroscope,

@@ -108,6 +108,7 @@ impl LowCmd {
         let mut memory = Memory::new();
         memory.bytes(&[self.mode_pr, self.mode_machine]).align();
         for motor in self.motor_cmd.as_flattened() {
+            // In C a float lies at a multiple of 4 bytes.
             memory.bytes(&[motor.mode]).align();
             memory.floats([motor.q, motor.dq, motor.tau, motor.kp, motor.kd]).words([motor.reserve]);
         }
@@ -139,6 +140,7 @@ impl LowState {
         for motor in self.motor_state.as_flattened() {
             memory.bytes(&[motor.mode]).align();
             memory.floats([motor.q, motor.dq, motor.ddq, motor.tau_est]);
+            // Two shorts fill a word, so no gap follows them.
             memory.shorts(motor.temperature.map(i16::cast_unsigned)).floats([motor.vol]);
             memory.words(motor.sensor).words([motor.motorstate]).words(motor.reserve);
         }

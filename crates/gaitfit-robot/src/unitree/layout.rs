@@ -19,6 +19,7 @@ const fn table() -> [u32; 256] {
     let mut table = [0; 256];
     let mut byte = 0;
     while byte < 256 {
+        // Nothing is reflected, so bits enter at the top.
         let mut crc = (byte as u32) << 24;
         let mut bit = 0;
         while bit < 8 {
@@ -33,6 +34,7 @@ const fn table() -> [u32; 256] {
 
 /// CRC-32 over little-endian words: polynomial 0x04C11DB7, initial value of ones, nothing reflected, no final xor.
 pub(super) fn crc(words: &[u8]) -> u32 {
+    // All layouts are whole words, so no bytes are left over.
     let (words, _) = words.as_chunks::<4>();
     words.iter().fold(u32::MAX, |crc, word| {
         // The most significant byte of a word goes first: the last in memory.
@@ -90,6 +92,7 @@ impl<const N: usize> Memory<N> {
 impl LowCmd {
     /// The vendor's C struct of this command, little-endian.
     pub fn layout(&self) -> [u8; CMD_BYTES] {
+        // The gaps are those of the C struct, as in `LowState::layout`.
         let mut memory = Memory::new();
         memory.bytes(&self.head).bytes(&[self.level_flag, self.frame_reserve]);
         memory.words(self.sn).words(self.version).shorts([self.bandwidth]).align();
