@@ -129,6 +129,8 @@ impl Excite {
 
     /// A chirp, as the library takes it.
     pub fn chirp(&self) -> ChirpSettings {
+        // clap asks for exactly two numbers. A missing one becomes NaN, which the library refuses, so nothing here
+        // can panic.
         let end = |at: usize| self.frequency.get(at).copied().unwrap_or(f64::NAN);
         ChirpSettings {
             robot: self.file.clone(),
@@ -183,9 +185,11 @@ impl std::str::FromStr for Gain {
             gain: PerJoint,
         }
         let gain =
+            // A value of TOML is a number or an inline table, so one text reads both forms.
             toml::from_str::<Holder>(&format!("gain = {text}")).map(|holder| holder.gain).map_err(|_| {
                 "give a number for all joints, or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'".to_owned()
             })?;
+        // Written with `!` so that NaN is refused too: every comparison with NaN is false.
         match gain.values().iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
             Some(wrong) => Err(format!("a gain is {wrong}; give numbers of at least 0")),
             None => Ok(Self(gain)),

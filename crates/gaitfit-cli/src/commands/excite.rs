@@ -112,6 +112,7 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
         ),
         match &args.fit {
             None => format!("gaitfit fit {out}/fit.toml"),
+            // The gains and parameters of this fit decided the motion, so its log belongs to the same fit.
             Some(fit) => format!("gaitfit fit {} --set 'logs=[\"{out}/log.csv\"]'", fit.display()),
         },
     ])

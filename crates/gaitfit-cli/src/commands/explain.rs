@@ -115,6 +115,7 @@ impl<'a> From<&'a Explain> for ExplainInput<'a> {
 /// What logs show of a robot, or why they show nothing.
 fn findings(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
     let looked = match input.policy {
+        // Simulated robots need the policy that walked. Without it only the logs speak.
         Some(policy) => compared(input, policy, watch)?,
         None => without_simulation(input, watch)?,
     };

@@ -192,6 +192,7 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
     let assumed = mapping.joints.is_none() && model.is_some();
     if let Some(model) = model {
         let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        // Only the order of numbered joints: a recording with names keeps its own.
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
     }
@@ -218,11 +219,14 @@ fn observed(interface: &Interface) -> Vec<Option<ObservedNumber>> {
     let scales = layout.scales();
     let mut parts: Vec<Option<ObservedNumber>> = vec![None; layout.width()];
     for slot in layout.slots() {
+        // Such numbers have no column in a log.
         let Some(names) = slot.quantity.log_columns(&interface.joints) else { continue };
         for (number, (place, column)) in slot.present.clone().zip(names).enumerate() {
             let is_position = slot.quantity == Quantity::JointPosition;
+            // Policies observe positions from the default pose; logs have absolute ones.
             let offset = if is_position { interface.default_pose[number] } else { 0.0 };
             let scale = f64::from(scales[place]);
+            // A scale of 0 hides the quantity from the policy, so the recorded 0 shows nothing of it.
             parts[place] = (scale != 0.0).then_some(ObservedNumber { column, scale, offset });
         }
     }

@@ -153,7 +153,9 @@ fn file_for(robot: &str) -> PathBuf {
     let plain = |letter: char| {
         if letter.is_ascii_alphanumeric() || "_-.".contains(letter) { letter } else { '-' }
     };
+    // File systems allow 255 bytes, and endings such as `-stance.html` follow. A longer name would fail at the end.
     let name: String = robot.chars().map(plain).take(64).collect();
+    // A dot in front hides a file, and a dash makes it look like an option.
     let name = name.trim_matches(['.', '-']);
     PathBuf::from(format!("{}.toml", if name.is_empty() { "robot" } else { name }))
 }

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 fn shown(estimate: Estimate, digits: usize) -> String {
     match estimate {
         Estimate { mean, .. } if mean.is_nan() => "–".to_owned(),
+        // One trajectory has a mean and no interval.
         Estimate { mean, ci95 } if ci95.is_nan() => format!("{mean:.digits$}"),
         Estimate { mean, ci95 } => format!("{mean:.digits$} ± {ci95:.digits$}"),
     }
@@ -29,6 +30,7 @@ pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'stat
             ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
         ]
     };
+    // A policy that follows a motion has no commands, so it has no error of them.
     let followed = document.motion_error.map_or_else(commands, motion);
     let others = [("falls", percent, 2, "%"), ("action rate", document.action_rate, 4, "a step")];
     let reward = [("summed reward", document.reward, 3, "")];

@@ -35,6 +35,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let spec = |log: &gaitfit_log::Trajectory| {
         robot.as_ref().map_or_else(CheckSpec::default, |robot| CheckSpec::of_robot(robot, &log.joints))
     };
+    // Ctrl-C ends this command at once, so nothing must be asked here.
     let mut progress = |_, _| ControlFlow::Continue(());
     let summary = summarise_folder(&args.file, &ReadOptions::default(), &spec, &mut progress)
         .map_err(Failure::failed)?;
@@ -121,6 +122,7 @@ fn text(summary: &FolderSummary) -> String {
     let _ = writeln!(text, "\n{logs}\n");
     if let Some(lag) = &summary.velocity_lag {
         let _ = writeln!(text, "warning: all logs together: {lag}");
+    // Notes do not count as suspicious. A log that cannot be read is listed below, so it is not in the findings.
     } else if summary.findings.iter().all(|group| group.severity == Severity::Note)
         && !summary.logs.iter().any(|log| matches!(log.content, LogContent::Unreadable(_)))
     {

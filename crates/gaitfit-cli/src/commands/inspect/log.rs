@@ -38,9 +38,11 @@ pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) ->
         None => findings.extend(check(log, &CheckSpec::default())),
         Some(model) => {
             findings.extend(check(log, &CheckSpec::of_robot(model, &log.joints)));
+            // Only the robot's masses show which sign of a joint is wrong.
             findings.extend(weight::signs(log, model));
         }
     }
+    // Before sorting, because it changes severities.
     allow(&mut findings, &report.allowed);
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings
@@ -100,6 +102,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 
 /// The command after this one, for a log or its folder. For a log with commands it asks for the policy that followed them.
 pub fn next(args: &Inspect, log: &Trajectory) -> String {
+    // A log of legs in the air may have columns of commands that are all 0.
     let walked = log.command.as_ref().is_some_and(|all| all.iter().any(|part| *part != 0.0));
     let given = |option: &str, path: Option<&PathBuf>, word: &str| match path {
         Some(path) => format!(" {option} {}", argument(path)),
@@ -208,13 +211,16 @@ fn spark(values: &[f64], width: usize) -> String {
     const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    // A stretch of no values has no mean.
     let width = width.min(values.len());
     let cell = |number: usize| {
         let stretch = &values[number * values.len() / width..(number + 1) * values.len() / width];
+        // A gap anywhere in the stretch makes the mean NaN, so gaps stay visible.
         let mean = stretch.iter().sum::<f64>() / stretch.len() as f64;
         if !mean.is_finite() {
             return ' ';
         }
+        // A constant signal has no range to divide by.
         let level = if high > low { (mean - low) / (high - low) * 7.0 } else { 0.0 };
         BLOCKS[(level.round() as usize).min(7)]
     };

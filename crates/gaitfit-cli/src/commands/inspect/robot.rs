@@ -132,6 +132,7 @@ fn remarks(text: &mut String, summary: &Summary) {
     }
     for group in &summary.left_out {
         let place = match (group.line, group.last_line) {
+            // Line 0: it has no place in the file.
             (0, _) => String::new(),
             (first, last) if first == last => format!(" (line {first})"),
             (first, last) => format!(" (lines {first} to {last})"),
