@@ -111,6 +111,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         action_scale: interface.action_scale[index],
         kp: interface.kp[index],
         kd: interface.kd[index],
+        // The file holds the logarithm.
         std: policy.log_std[index].exp(),
     };
     Document {
@@ -180,6 +181,7 @@ pub fn text(document: &Document) -> String {
     if provenance.program_version.is_empty() {
         text.push_str("\ntrained elsewhere\n\n");
     } else {
+        // Twelve digits tell configurations apart; `--json` prints all of them.
         let hash: String = provenance.configuration_hash.chars().take(12).collect();
         let _ = writeln!(
             text,
@@ -190,6 +192,7 @@ pub fn text(document: &Document) -> String {
     let mut observation = table(&["observation", "elements", "scale"], &[1]);
     for part in &document.observation {
         let scale: Vec<String> = part.scale.iter().map(f32::to_string).collect();
+        // No scale means that numbers are taken as they are.
         let scale = if scale.is_empty() { "1".to_owned() } else { scale.join(" ") };
         let past = match part.frames[..] {
             [] => String::new(),
