@@ -83,11 +83,14 @@ impl Figure {
     pub fn legend(&mut self, x: f64, y: f64, right: f64, entries: &[(&str, Look)]) -> f64 {
         let mut x = x;
         for (name, look) in entries {
+            // A long name would push the other entries out.
             let shown = shortened(name, 24);
+            // A stroke of 18 units and a gap of 5.
             let end = x + 23.0 + text_width(&shown);
             if end > right {
                 break;
             }
+            // At half the height of small letters.
             let (from, stroke) = (coordinate(x), coordinate(y - 4.0));
             let _ = write!(self.body, r#"<path class="s {look}" d="M{from} {stroke}h18"/>"#);
             self.text(x + 23.0, y, Anchor::Start, &shown);
@@ -144,6 +147,7 @@ pub(super) fn shortened(text: &str, longest: usize) -> String {
     if text.chars().count() <= longest {
         return text.to_string();
     }
+    // The ellipsis counts as one character.
     text.chars().take(longest.saturating_sub(1)).chain(['…']).collect()
 }
 
@@ -160,6 +164,7 @@ fn colour(name: &str) -> &'static str {
 
 /// The rules of the style sheet with the values of light pages in place of variables.
 fn plain_style() -> String {
+    // The rules of marks. The blocks before them define variables, which are replaced below.
     let rules = STYLE.lines().filter(|line| line.starts_with("svg ")).collect::<Vec<_>>().join("\n");
     variables().fold(rules, |rules, (name, value)| rules.replace(&format!("var({name})"), value))
 }

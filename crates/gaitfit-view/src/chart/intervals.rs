@@ -53,6 +53,8 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
         // A single value has no length: then only what equals it but for rounding is near.
         let length = (high - low).max(1e-12 * high.abs());
         let near = |factor: f64| move |x: &f64| *x >= low - factor * length && *x <= high + factor * length;
+        // A start or an interval at most two lengths away is worth a longer axis; what is farther away would
+        // squeeze the values. A bound must be nearer, because its track can run out of the picture.
         let starts = rows.iter().filter_map(|r| r.start).filter(near(2.0));
         let profiles = rows.iter().filter_map(|r| r.profile).flat_map(|(a, b)| [a, b]).filter(near(2.0));
         hull = scale::extent(starts.chain(profiles).chain(bounds().filter(near(1.0))).chain([low, high]));
@@ -75,6 +77,7 @@ fn wide((low, high): (f64, f64)) -> (f64, f64) {
 /// One row's picture on the shared axis.
 pub(crate) fn row(row: &Row, scale: &Scale) -> String {
     let (low, high) = scale.domain();
+    // 12 units for each mark, so that dots of 4.5 units do not touch. A single mark has room for its strokes.
     let height = if row.marks.len() > 1 { 6.0 + 12.0 * row.marks.len() as f64 } else { 24.0 };
     let middle = height / 2.0;
     let mut svg = format!(r#"<svg class="strip" width="100%" height="{height}" aria-hidden="true">"#);
@@ -157,6 +160,7 @@ fn draw_mark(svg: &mut String, mark: &Mark, scale: &Scale, y: f64) {
 }
 
 fn inside(x: f64, low: f64, high: f64) -> bool {
+    // An end of the axis is often one of the values and may differ from it by rounding.
     let slack = 1e-9 * (high - low);
     x >= low - slack && x <= high + slack
 }

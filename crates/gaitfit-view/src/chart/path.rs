@@ -36,6 +36,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
         }
     }
     kept.push(y.len() - 1);
+    // A stretch with one number has it as lowest and as highest. The indices ascend, so equal ones are neighbours.
     kept.dedup();
     kept
 }
@@ -46,6 +47,7 @@ pub(crate) fn line(points: impl IntoIterator<Item = (f64, f64)>) -> String {
     let mut pen_down = false;
     for (x, y) in points {
         if x.is_finite() && y.is_finite() {
+            // A lone point between two gaps becomes a move without a line, which draws nothing.
             let command = if pen_down { 'L' } else { 'M' };
             let _ = write!(path, "{command}{} {}", coordinate(x), coordinate(y));
             pen_down = true;

@@ -36,6 +36,7 @@ pub(super) fn histogram(
         x: Axis { title: x_title, range: Some((low, end)), ticks: 6, ..Axis::default() },
         y: Axis {
             title: "% of trajectories",
+            // A little room above the highest bar.
             range: Some((0.0, highest * 1.05)),
             ticks: 3,
             ..Axis::default()
@@ -53,13 +54,17 @@ impl Histogram {
         let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let Some(low) = sorted.first().copied() else { return Histogram::default() };
+        // A count of bins comes from callers. Zero would divide by zero, and more than the pixels of the chart do
+        // not show.
         let bins = bins.clamp(1, 1000);
         // The last bin below takes what lies beyond.
         let high = sorted[(sorted.len() - 1) * 199 / 200];
+        // Samples that are all equal get an interval with an inside.
         let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
         let width = (high - low) / bins as f64;
         let mut counts = vec![0; bins];
         for x in &sorted {
+            // `Scale` cuts numbers beyond ±1e150, so a sample can lie below `low`.
             let bin = ((x - low) / width).max(0.0) as usize;
             counts[bin.min(bins - 1)] += 1;
         }

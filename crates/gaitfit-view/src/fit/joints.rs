@@ -29,6 +29,7 @@ struct TraceCard {
 
 pub(super) fn build(joints: &[JointTrace]) -> Traces {
     let shown = &joints[..joints.len().min(MAX_JOINTS)];
+    // Fewer than 60 points hide the motion. More than 400 do not show in a chart of 420 units.
     let points = (POINT_BUDGET / (LINES_A_JOINT * shown.len().max(1))).clamp(60, 400);
     let mut cards: Vec<(f64, TraceCard)> = shown.iter().filter_map(|t| card(t, points)).collect();
     // The close look opens on the joint that is fitted worst.
@@ -62,5 +63,6 @@ fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
 /// NaN without any finite value.
 pub(crate) fn root_mean_square(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
+    // Without any value it is 0/0, which is NaN.
     (finite().map(|x| x * x).sum::<f64>() / finite().count() as f64).sqrt()
 }

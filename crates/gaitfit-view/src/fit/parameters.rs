@@ -133,8 +133,10 @@ fn entry(parameter: &Parameter) -> Entry {
         value: parameter.value,
         // The interval is the box behind the dot.
         spread: f64::NAN,
+        // Each run is a stroke of the picture; more of them would be one block.
         runs: parameter.per_run.iter().copied().take(100).collect(),
         look: match parameter.at_bound {
+            // First: what the logs do not determine may rest anywhere, at a bound too.
             _ if is_open => Look::OPEN,
             Some(_) => Look::HIT,
             None => Look::FIRST,
@@ -187,6 +189,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
         notes.push("truth outside the interval");
     }
     if let Some(range) = &parameter.published
+        // Comparisons with NaN are false, so an unknown value or end gives no note.
         && (parameter.value < range.lower || parameter.value > range.upper)
     {
         notes.push("outside the published range");

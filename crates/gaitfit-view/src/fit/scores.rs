@@ -55,6 +55,7 @@ enum Yardstick {
 
 impl Yardstick {
     fn of_report(report: &FitReport) -> Yardstick {
+        // Only a number that both have can be compared.
         let known = |yardstick: Yardstick| {
             [Who::Fitted, Who::Nominal].iter().all(|who| yardstick.value(report, *who).is_finite())
         };
@@ -116,6 +117,7 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
     ];
     measured.into_iter().find_map(|(yardstick, what, unit)| {
         let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
+        // A fit whose simulation diverged has a doubt of its own.
         (fitted > nominal && fitted.is_finite()).then(|| {
             format!(
                 "The {what} is {}{unit} after the fit and {}{unit} before it. Do not use this fit.",

@@ -61,6 +61,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let (left, right) = (54.0, size.width - 8.0);
     let residual_bottom = size.height - 36.0;
     let residual_top = residual_bottom - size.residual;
+    // A number of seconds is less than 70 units wide.
     let x_ticks = (size.width / 70.0) as usize;
     let simulated = !fitted.is_empty() || !nominal.is_empty();
     let time_axis = |ticks| Axis { title: "time (s)", range: Some(times), ticks, ..Axis::default() };

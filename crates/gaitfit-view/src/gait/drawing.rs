@@ -54,6 +54,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     // Rows are counted upwards from the axis.
     let height = |row: usize| {
         let middle = (feet.len() - row) as f64 - 0.5;
+        // Three quarters of the row's height; the rest separates the feet.
         (middle - 0.38, middle + 0.38)
     };
     // A pale track under each row; infinite ends are cut at the axes.
@@ -80,6 +81,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     figure.plot(&plot, area);
     for (row, foot) in feet.iter().enumerate() {
         let base = area.top + ROW * row as f64 + 12.0;
+        // The room beside the axis is 50 units wide, and a letter about 6.
         let name: String = foot.name.chars().take(8).collect();
         figure.text(LEFT - 6.0, base, Anchor::End, &name);
         let count = foot.contact.len().min(gait.time_s.len());
@@ -205,6 +207,7 @@ fn spectra(figure: &mut Figure, spectra: &[TorqueSpectrum], top: f64) -> f64 {
         x: Axis { title: "frequency (Hz)", range: Some(range), log: true, ticks: 9, ..Axis::default() },
         y: Axis {
             title: "joint torque ((N·m)²/Hz)",
+            // Room above the peak; on a logarithmic axis it is a factor.
             range: Some((low, high * 1.3)),
             log: true,
             ..Axis::default()

@@ -145,6 +145,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
         headings: known.iter().map(heading).collect(),
         left_out: report.tracking.len() - shown.len(),
         differences: differences(report),
+        // The same filter as for the cells of `differences`, so that headings and cells agree.
         compared: COLUMNS.iter().filter(|q| q.is_error).map(|q| heading(&q)).collect(),
     })
 }
