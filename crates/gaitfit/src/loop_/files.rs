@@ -27,6 +27,7 @@ pub struct Asked {
 pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a, Asked>, Error> {
     let settings = setup.config.resolved();
     let target = setup.config.target.as_ref().map(|target| target.seed);
+    // For the manifest: the loop's random numbers follow from these seeds.
     let mut seeds = vec![setup.config.adapt.optimizer.seed, setup.config.evaluate.seed];
     seeds.extend(setup.config.finetune.seeds.iter().chain(&target));
     Ok(Protocol {
@@ -84,6 +85,7 @@ pub struct Times<'a> {
 impl<'a> Times<'a> {
     /// Reads the times of earlier sessions.
     pub fn read(folder: &'a RunFolder) -> Result<Self, Error> {
+        // Damaged times are no reason to refuse a loop; they begin anew.
         let seconds = folder.read(TIMES)?.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self { folder, seconds: seconds.unwrap_or_default() })
     }

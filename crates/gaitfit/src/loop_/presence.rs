@@ -26,6 +26,7 @@ pub fn target(
     let run = |python: Option<&str>| -> Result<Option<Target>, Error> {
         let target = setup.target(target, theta.clone(), python)?;
         if let Target::Command(command) = &target {
+            // A later round would find out only after hours.
             command.check_programs()?;
         }
         Ok(Some(target))
@@ -41,6 +42,7 @@ pub fn target(
         return Ok((None, Some(why)));
     }
     let answer = probe(&words, target.timeout_seconds, watch);
+    // An interruption ends the probe too, and it must not be taken for an absent robot.
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted"));
     }

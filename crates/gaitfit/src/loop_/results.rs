@@ -125,6 +125,7 @@ pub fn policy_name(round: u32) -> String {
 impl Measurement {
     /// Without what single trajectories did.
     pub fn summary(mut self) -> Self {
+        // Thousands of rows, which would fill the printed document.
         self.evaluation.errors = Vec::new();
         self
     }

@@ -39,6 +39,7 @@ pub struct Done {
 /// Runs all rounds that there are to be, and the reference.
 pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done, Error> {
     let (target, absent) = presence::target(setup, folder, watch)?;
+    // A further round needs logs of the new policy, which only the robot can make.
     let max = if absent.is_some() { 1 } else { setup.config.rounds };
     if max < setup.config.rounds {
         watch.note("without the robot there is one round");
@@ -113,7 +114,9 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     let measured = usize::from(target.is_some_and(Target::measures));
     // Logs, fit, training, the new policy on the target, both in the fitted simulator.
     let round = 5 + measured;
+    // A training, and a measurement where the target measures.
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
+    // The first policy and the policy of each round.
     let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
     let controls = controls::count(setup, target) + usize::from(walks_last(setup));
     // Logs that are given need no stage in the first round.
@@ -219,6 +222,7 @@ pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, V
     for path in &logs {
         if path.is_dir() { files.extend(csv_files(path)?) } else { files.push(path.clone()) }
     }
+    // From here on at least two logs are held out.
     if files.len() < 2 * every {
         return Ok((logs, Vec::new()));
     }
@@ -232,6 +236,7 @@ pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, V
 pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
     let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
+    // Rest angles are for networks, which have no true values.
     let rest = vec![0.0; joints.len()];
     let rules = config.by_kind(&setup.model).map(|config| config.rules());
     let theta = rules.and_then(|rules| rules.theta(&config.groups(&joints), &joints, &rest));
@@ -273,6 +278,7 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
                 "round {} did not lower the cost by {percent:.0} %: {before:.5} before, {after:.5} after",
                 last.round
             );
+            // A comparison with NaN is false: if all robots fell, the round did not help.
             (after <= (1.0 - share) * before, why)
         }
         _ => (true, String::new()),
@@ -373,6 +379,7 @@ fn warnings(
         warnings.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
     }
     let last = rounds.last().map(|round| round.round);
+    // The last round's doubts are in the results themselves.
     for round in rounds.iter().filter(|round| Some(round.round) != last) {
         let doubts = &round.adapt.doubts;
         let said =

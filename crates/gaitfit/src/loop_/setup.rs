@@ -57,6 +57,7 @@ impl Setup {
         let mut files = Vec::new();
         let mut find = |named: &str, what: &str| {
             let mut path = paths::find(named, what, config_path)?;
+            // A policy may be named by the folder of its training.
             if what == "policy" {
                 path = policy_file::find(&path)?.path;
             }
@@ -165,6 +166,7 @@ impl Setup {
                 world.map_err(|error| error.within(format!("{}: [target]", self.config_path.display())))?;
             }
             Target::Robot(robot) => robot.check_person()?,
+            // Its programs are checked when the loop begins, when `{python}` is known.
             Target::Command(_) => {}
         }
         Ok(())
@@ -251,6 +253,7 @@ impl Setup {
 
     /// A policy in a simulator like that of the fits, of a robot that these settings describe.
     pub fn world(&self, policy: &Policy, arguments: &WorldSettings) -> Result<World, Error> {
+        // Without the noise, pushes and random robots of the training: policies are measured on the same robot.
         let mut task = self.task.calm();
         task.robot_timestep = self.config.adapt.simulation.robot_timestep.or(task.robot_timestep);
         if let Some(chosen) = &self.config.adapt.simulation.self_contact {
@@ -286,6 +289,7 @@ impl Setup {
     /// trajectories that nothing is reported of.
     pub fn choice_of_trainings(&self) -> Plan {
         let plan = self.choice();
+        // With few trajectories chance would choose.
         Plan { trajectories: plan.trajectories.max(256), ..plan }
     }
 }

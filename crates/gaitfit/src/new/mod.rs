@@ -169,6 +169,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
              (.safetensors, .onnx, or a .toml that describes it)",
         ));
     }
+    // A policy states its gains itself.
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
     let groups = groups::by_name(&crate::robot::joint_names(&model));
     let inputs = Inputs { settings, out, model, policy, logs, gains, groups };
@@ -191,6 +192,7 @@ fn is_sidecar(file: &Path, log: &Path) -> bool {
 /// The output, if everything is given that cannot be guessed.
 fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>, named: bool) -> Result<&'a Path, Error> {
     let builtin = named || policy.map(|policy| policy.interface.robot.as_str()) == Some("go2");
+    // All at once, so that nobody has to run the command three times.
     let mut missing = Vec::new();
     if settings.robot.is_none() && !builtin {
         missing.push("--robot FILE, the robot's MJCF or URDF file (unitree-go2 is the built-in Go2)");
@@ -341,6 +343,7 @@ impl Inputs<'_> {
 fn delay(setup: &Setup) -> Option<String> {
     let swings = setup.swings.as_ref().and(setup.config.prior.get("delay"));
     let swings = swings.map(|delay| {
+        // In ms. Two standard deviations are the half-width of a 95 % interval.
         format!("{:.1} ± {:.1} ms from targets to swinging legs", 1e3 * delay.value, 2e3 * delay.deviation)
     });
     let logs = setup.fit.logs.iter().map(|log| &log.trajectory);

@@ -51,6 +51,7 @@ pub fn read(
         if full {
             changes.extend(paper.full(cell));
         }
+        // Last, so that the command line wins.
         changes.extend_from_slice(sets);
         experiments.push(one(cell, folder, &changes, selected)?);
     }
@@ -63,6 +64,7 @@ pub fn read(
         )));
     }
     for (index, later) in experiments.iter().enumerate() {
+        // Comparing with the first cell of a scenario is enough: equality carries over.
         if let Some(first) = experiments[..index].iter().find(|one| one.scenario == later.scenario) {
             check_shared(first, later)?;
         }

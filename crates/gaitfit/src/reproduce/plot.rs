@@ -27,6 +27,7 @@ fn errors(results: &Results) -> BarGroup {
     for row in &results.rows {
         let value = row.mean_error_percent.unwrap_or_default();
         bars.push(bar(row.cell.clone(), value, 2, Look::color(0)));
+        // NaN draws no bar and keeps the row, so that rows of all cells align.
         let paper = row.paper.mean_error_percent.unwrap_or(f64::NAN);
         bars.push(bar("paper".to_owned(), Estimate { mean: paper, ci95: f64::NAN }, 2, Look::AREA));
     }

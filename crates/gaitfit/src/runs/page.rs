@@ -65,6 +65,7 @@ fn fit(run: &Run) -> Fit {
     let (cost_name, before, after) = run.cost.clone().unwrap_or((String::new(), f64::NAN, f64::NAN));
     let parameter = |one: &super::Fitted| Parameter {
         name: one.name.clone(),
+        // Results write `-` for a number without a unit.
         unit: if one.unit == "-" { String::new() } else { one.unit.clone() },
         value: one.value,
         interval: one.interval,
@@ -90,6 +91,7 @@ fn training(run: &Run) -> Option<Training> {
         .filter_map(|entry| Some(entry.ok()?.path().join("metrics.jsonl")))
         .filter(|file| file.is_file())
         .collect();
+    // The sums of f64 below depend on the order, and a folder lists its files in any.
     seeds.sort();
     seeds.truncate(MAX_SEEDS);
     let metrics: Vec<Vec<Value>> = seeds.iter().map(|file| lines(file)).collect();

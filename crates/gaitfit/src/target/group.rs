@@ -67,6 +67,7 @@ kill -KILL $group 2>/dev/null";
         }
 
         fn start_in(command: &mut Command, alone: bool) -> std::io::Result<Self> {
+            // The guard must hold no pipe of this program open: readers would wait for its end.
             let null = Stdio::null;
             // Started before the program: once that runs, the guard lacks nothing but its number.
             let mut guard = Command::new("sh");

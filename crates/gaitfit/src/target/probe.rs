@@ -58,6 +58,7 @@ fn pythons() -> Vec<String> {
     if let Some(named) = std::env::var(VARIABLE).ok().filter(|named| !named.is_empty()) {
         return vec![named];
     }
+    // The project's own Python first: it is the one that has the project's packages.
     let venv = Path::new(VENV_PYTHON).exists().then(|| VENV_PYTHON.to_owned());
     venv.into_iter().chain(COMMON.map(str::to_owned)).collect()
 }

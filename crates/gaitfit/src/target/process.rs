@@ -145,8 +145,10 @@ impl Program<'_> {
     /// Waits for the program itself, or stops it with all it started.
     fn wait(&self, group: &mut Group, said: &mut Said<'_>) -> Result<ExitStatus, ProcessError> {
         let begun = Instant::now();
+        // An infinite time does not fit into a `Duration`.
         let allowed = Duration::try_from_secs_f64(self.timeout_seconds).unwrap_or(Duration::MAX);
         let why = loop {
+            // Without its pipes the program may still run; then `listen` returns at once and must not spin.
             if !said.listen(LOOK) {
                 std::thread::sleep(LOOK);
             }
@@ -235,6 +237,7 @@ fn read_out(mut stream: impl Read, sender: &SyncSender<Piece>) {
                     break;
                 }
             }
+            // A signal came while it waited; nothing was read or lost.
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
             Err(_) => break,
         }
