@@ -119,6 +119,7 @@ fn frame(model: &Model, record: &GaitRecord, step: usize) -> Frame {
     Frame {
         base_position: std::array::from_fn(|k| record.base[7 * step + k]),
         base_quaternion: std::array::from_fn(|k| record.base[7 * step + 3 + k]),
+        // A page's joints count from the pose of the file; the model's count from their own zero.
         joints: angles.iter().zip(&model.joints).map(|(q, joint)| q - joint.reference).collect(),
         contacts: record.contact[step * feet..(step + 1) * feet].to_vec(),
         command: three(&record.command),

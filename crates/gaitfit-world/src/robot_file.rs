@@ -49,6 +49,7 @@ pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings,
     let Some(recorded) = &policy.provenance.robot_file else { return Ok((settings, Vec::new())) };
     let mut notes = Vec::new();
     match &asked.robot {
+        // Another file is read as strictly as asked: what the training dropped says nothing of it.
         Some(path) => settings.lenient |= as_leniently(path, recorded),
         None => {
             let (path, note) = find(&asked.policy, recorded, &policy.interface.robot)?;
@@ -148,6 +149,7 @@ fn nearby(path: &Path) -> PathBuf {
 /// current folder and from the folders above the policy.
 fn places(policy: &Path, was: &Path) -> Vec<PathBuf> {
     let absolute = std::path::absolute(policy).unwrap_or_else(|_| policy.to_owned());
+    // Without the root, because the ends are joined to other folders.
     let parts: Vec<_> = was.components().skip(1).collect();
     let from = parts.len().saturating_sub(MAX_DEPTH);
     let mut places = Vec::new();

@@ -289,6 +289,7 @@ const GRID: usize = 200;
 
 /// Mean velocity error of a robot that stands still, m/s: the mean of |c| over commands c = (x, y) as they are drawn.
 pub fn standing_error(command: &CommandSettings) -> f64 {
+    // Midpoints: the error of the rule falls with the square of the cells' size.
     let at = |[low, high]: [f64; 2], cell: usize| low + (high - low) * (cell as f64 + 0.5) / GRID as f64;
     let sum: f64 =
         (0..GRID * GRID).map(|cell| at(command.x, cell / GRID).hypot(at(command.y, cell % GRID))).sum();

@@ -294,11 +294,13 @@ fn remove(model: &mut Model, geoms: &[usize]) {
 /// defaults. Its name is the link's with `end` behind it.
 fn add_geom(model: &mut Model, body: usize, frame: &Frame, fitted: &Fitted, end: &str) -> String {
     let link = &model.bodies[body].name;
+    // Exporters append `_link` to names of links; a foot's name needs no such ending.
     let stem = link.strip_suffix("_link").unwrap_or(link);
     let mut name = match stem.to_lowercase().ends_with(end) {
         true => stem.to_owned(),
         false => format!("{stem}_{end}"),
     };
+    // Names must be unique in the file that is written.
     while model.geoms.iter().any(|geom| geom.name == name) {
         name.push('_');
     }
@@ -325,6 +327,7 @@ fn usual_pair(ground: Ground) -> ContactPair {
         geom: 0,
         ground,
         condim: 3,
+        // Two sliding, one torsional, two rolling coefficients: MuJoCo's `friction` is "1 0.005 0.0001".
         friction: [1.0, 1.0, 0.005, 1e-4, 1e-4],
         solref: [0.02, 1.0],
         solreffriction: [0.0; 2],

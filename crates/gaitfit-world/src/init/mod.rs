@@ -192,6 +192,7 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
 /// Other guesses at the gains of a robot whose policy did not learn to walk: the gains of the file's position actuators, then
 /// softer and stiffer gains by size. The result has neither the first guess nor guesses that cannot be simulated.
 pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
+    // 0.6 is about 1/1.6: as far to the soft side as to the stiff one.
     let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
     let mut looks: Vec<Look> = Vec::new();
     for look in sources.iter().filter_map(|&source| look_with(model, source, first.rotors).ok()) {

@@ -24,6 +24,7 @@ pub struct Rotors {
 impl Rotors {
     /// A guess by the robot's size; `None` if a joint of the legs has a rotor in the file.
     pub fn guess(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Option<Self> {
+        // One rotor in the file shows that its author knew them, so the others are meant to be without.
         let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
         bare.then(|| {
             let largest = LARGEST * sizes.mass * sizes.leg * sizes.leg;
