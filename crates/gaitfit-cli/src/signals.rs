@@ -22,6 +22,7 @@ pub fn asked() -> Option<Reason> {
 
 /// The robot may move from now on, or not after all. Whether it may.
 pub fn confirm(confirmed: bool) -> bool {
+    // Stored before the look at `asked`: a signal in between either ends the program or is seen here.
     CONFIRMED.store(confirmed, Ordering::SeqCst);
     confirmed && asked().is_none()
 }

@@ -118,6 +118,8 @@ impl Excite {
             theta: self.theta.clone(),
             parameters: self.parameters.clone(),
             trajectories: self.trajectories,
+            // One option with two defaults: a chirp needs time for its lowest frequency, a sequence of commands
+            // does not.
             seconds: self.seconds.unwrap_or(COMMAND_SECONDS),
             pool: self.pool,
             reach: self.reach,
@@ -205,6 +207,7 @@ impl std::str::FromStr for Angle {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        // The first `=` separates them, because an angle has none.
         let parts = text.split_once('=').map(|(joint, angle)| (joint.trim(), angle.trim().parse::<f64>()));
         match parts {
             Some((joint, Ok(angle))) if !joint.is_empty() => Ok(Self(joint.to_owned(), angle)),

@@ -57,6 +57,7 @@ pub fn from_variable(error: &clap::Error) -> Option<&'static str> {
         Some(ContextValue::String(text)) => Some(text.as_str()),
         _ => None,
     };
+    // The argument is reported with its placeholder: `--isa <SET>`.
     let option = text(ContextKind::InvalidArg)?.starts_with("--isa");
     // clap reports a value from the environment as if it were on the command line. So it is the variable's only if
     // the option is absent and the values agree.

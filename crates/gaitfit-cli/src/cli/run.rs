@@ -45,6 +45,7 @@ impl RunArgs {
 
 /// The help of `--set` in a command whose configuration is a `C`.
 fn set_help<C: Configuration>(set: Arg) -> Arg {
+    // The example differs from command to command, so it is filled in for each.
     set.help(format!("Change one setting, for example --set {} (repeatable)", C::EXAMPLE))
 }
 

@@ -58,6 +58,7 @@ fn policy(form: Form, path: String) -> Policy {
             names.push(&trial.direction);
         }
     }
+    // Each direction by itself: a robot may drift ahead and not aside.
     let directions = names.iter().map(|name| {
         let trials: Vec<&Measured> = form.trials.iter().filter(|trial| trial.direction == *name).collect();
         // A trial without an error is one in which the robot fell: its end says nothing of the drift.

@@ -38,6 +38,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         None => None,
     };
     let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
+    // Whatever is read must not be overwritten by the log.
     let inputs =
         args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
     // Before the recording is read, which may take long.
@@ -95,6 +96,7 @@ fn in_order(
     // Read once as assumed: only the numbers show whether the order fits.
     let imported = read(files, mapping.clone())?;
     let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
+    // Joints with names are matched by name, so their order does not matter.
     let Some(model) = assumed.filter(|_| numbered) else { return Ok((imported, None)) };
     match weight::order(&imported.trajectory, model) {
         Order::Shown => Ok((imported, None)),
@@ -196,6 +198,8 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
     }
+    // The list of the command line replaces the one of the file: two lists together would take more than either
+    // asks for.
     if !args.take.is_empty() {
         mapping.streams.take.clone_from(&args.take);
     }
@@ -238,6 +242,8 @@ fn text(document: &Document) -> String {
     for (path, kind) in &document.report.files {
         let _ = writeln!(text, "{}: {kind}", shown_path(path));
     }
+    // In the order in which a reader checks a recording: what was read, what was assumed, what was dropped, what is
+    // wrong.
     let mut streams =
         table(&["stream", "samples", "Hz", "from s", "to s", "clock", "quantities"], &[1, 2, 3, 4]);
     for stream in &document.report.streams {

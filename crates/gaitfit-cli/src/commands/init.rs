@@ -41,6 +41,7 @@ impl Files {
     /// Refuses to overwrite what is there, unless that is asked for.
     fn new(args: &Init, prepared: &Prepared) -> Result<Self, Failure> {
         let configuration = args.out.clone().unwrap_or_else(|| file_for(&prepared.model.name));
+        // All files have the configuration's name, so that several robots fit into one folder.
         let stem = configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let stem = stem.unwrap_or_default();
         // The robot's own file stays as it is.

@@ -48,6 +48,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
     // Converted recordings are removed again if this fails; `keep` below makes them stay.
     let mut written = new::write(&settings)?;
     converted.keep();
+    // In front: a wrong unit or order of joints makes all later warnings meaningless.
     written.warnings.splice(0..0, assumed);
     if args.json { output::print_json(&written) } else { output::print(&text(&written)) }?;
     match written.problem {

@@ -96,6 +96,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         parameters: network.parameters.len(),
     };
     let parts = |terms: &[Term]| {
+        // The place of a term in the observation is what a program needs that runs the policy elsewhere.
         let part = |(term, slot): (&Term, &Slot)| Part {
             quantity: slot.quantity,
             start: slot.present.start,
@@ -194,6 +195,7 @@ pub fn text(document: &Document) -> String {
         let scale: Vec<String> = part.scale.iter().map(f32::to_string).collect();
         // No scale means that numbers are taken as they are.
         let scale = if scale.is_empty() { "1".to_owned() } else { scale.join(" ") };
+        // Terms with a history: where its oldest frame begins.
         let past = match part.frames[..] {
             [] => String::new(),
             [first, ..] => format!(", {} frames, the oldest from {first}", part.frames.len()),

@@ -79,6 +79,7 @@ mod dds {
     }
 
     pub fn record(args: &Record, topics: &[Topic]) -> Result<(), Failure> {
+        // The raw messages are kept: the log can be made again with another mapping, the recording cannot.
         let recording = args.out.with_extension("mcap");
         let inputs = [args.topics.as_path()];
         files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
@@ -99,6 +100,7 @@ mod dds {
             args.interface,
             args.domain
         ));
+        // By topic, because one that is silent is the usual fault.
         let mut counts = vec![Count::default(); topics.len()];
         let (begin, mut first, mut warned) = (Instant::now(), None, false);
         let (mut lost, mut bytes) = (0, 0u64);

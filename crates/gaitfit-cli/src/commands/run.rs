@@ -50,8 +50,10 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage(format!("--stand takes {} to {} s", STAND_S.start(), STAND_S.end())));
     };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
+    // Refused now if the robot cannot take the policy's default pose, before anybody is asked for the word.
     let postures = robot.postures(&policy.interface).map_err(usage)?;
     let guard = guard(args, &robot, control, simulator);
+    // Copied, because the guard moves into the supervisor.
     let limits = guard.limits;
     let out = logs_of(args);
     // Until the summary is written: two walks into one folder would destroy each other's logs.
@@ -366,6 +368,7 @@ fn shown(args: &Run, summary: &Summary) -> String {
     let late = |lateness: &gaitfit_robot::run::Lateness| {
         format!("{} / {} / {} µs", lateness.p50, lateness.p99, lateness.max)
     };
+    // Only torques that are reported for long enough show it.
     let delay = summary
         .delay
         .map_or("not measured: the walk is short, or no torques are reported".to_owned(), |delay| {

@@ -43,6 +43,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         }
         // The page opens before the exit code is decided: it shows why a check failed.
         viewer::report(args.run.open, &results.run_folder);
+        // A check that the configuration states comes first: the user asked for it.
         checked(results.failed_check().or_else(|| results.contradiction()).or_else(|| results.refusal()))
     })
 }
@@ -70,6 +71,7 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
         let command = if is_trainable(Path::new(policy)) { "finetune" } else { "evaluate" };
         format!("gaitfit {command} {policy} --theta {theta}{robot}")
     });
+    // In the order of work: other logs show whether the fit holds, before anything is trained with it.
     let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
     [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
 }

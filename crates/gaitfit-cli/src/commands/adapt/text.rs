@@ -123,6 +123,7 @@ fn parameters(fit: &CostFit) -> Table {
     let shown = if count <= MAX_SHOWN { count } else { FEW };
     for parameter in &fit.parameters[..shown] {
         let estimate = &parameter.found;
+        // The table has both: ± is easy to read, and the two ends show that an interval is not symmetric.
         let interval = parameter.interval.map(|[lower, upper]| format!("{lower:.4} … {upper:.4}"));
         let mut row = vec![
             estimate.name.clone(),

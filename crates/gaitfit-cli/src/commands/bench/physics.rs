@@ -38,6 +38,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::OwnParts::File => SelfContact::File,
         cli::OwnParts::Limbs => SelfContact::Limbs,
     };
+    // What is left out of the pairs is of no interest for a benchmark.
     let (model, _) = gaitfit::robot::go2()?.touching_itself(&pairs).map_err(Failure::failed)?;
     // A GPU needs another size and prints other numbers, so it has a file of its own.
     if let Some(ordinal) = args.device.gpu() {

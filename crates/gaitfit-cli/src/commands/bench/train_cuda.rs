@@ -70,6 +70,7 @@ fn names(devices: &[Device]) -> String {
 pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failure> {
     let Setup { scene, plan, .. } = setup;
     let (environments, steps) = (plan.train.environments, plan.train.steps);
+    // Asked for here, not in the configuration: runs at several precisions compare one training.
     let precision = match args.precision {
         None => plan.ppo.precision,
         Some(Products::Bf16) => Precision::Bf16,

@@ -67,6 +67,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
         device: args.device,
+        // If the policy does not walk, the order and signs of its joints may be stated wrongly.
         diagnose: true,
     };
     output::note(&settings.device.line_by_robots());

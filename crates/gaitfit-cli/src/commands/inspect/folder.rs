@@ -94,6 +94,7 @@ fn text(summary: &FolderSummary) -> String {
         ("joints of every log", joined(&mut summary.common_joints.iter())),
         ("joints of some logs", joined(&mut summary.other_joints.iter())),
     ] {
+        // Logs may state no robot, and all may have the same joints.
         if !names.is_empty() {
             let _ = writeln!(text, "{what}: {names}");
         }
@@ -129,6 +130,7 @@ fn text(summary: &FolderSummary) -> String {
         text.push_str("nothing suspicious\n");
     }
     for group in &summary.findings {
+        // A folder can have thousands of logs, and a few names are enough to look at one.
         let mut names: Vec<String> =
             group.logs.iter().take(NAMED).map(|&log| name(&summary.logs[log].path)).collect();
         if group.logs.len() > NAMED {

@@ -52,6 +52,7 @@ pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) ->
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     // The picture's name is checked before the log is read.
     args.plot.as_deref().map(plot::check).transpose()?;
+    // Both `.svg` and `.html` are taken, so no ending is asked for here.
     let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: None });
     files::check(
         plot.as_slice(),
@@ -67,6 +68,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, model.as_ref(), path)?;
     }
+    // Needs a robot and an inertial unit's signals; otherwise there is no result and nothing is printed.
     let swings =
         watched(swings::LINES, |watch| swings::look(args.robot.as_deref(), args.lenient, &[&log], watch))?;
     let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
@@ -143,6 +145,7 @@ fn policy_text(comparison: &LogMatch) -> String {
 }
 
 fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding], model: Option<&Model>) -> String {
+    // A robot with slides has joints in m; the header then names both units.
     let units = |unit: &str| model.map_or_else(|| unit.to_owned(), |model| model.units(unit));
     let mut text = format!(
         "{}: {}, {} in {} s at {} Hz{}\nchannels: {}\n",

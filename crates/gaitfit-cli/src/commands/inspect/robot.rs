@@ -54,6 +54,7 @@ fn text(summary: &Summary) -> String {
     let slides_at = |name: &String| {
         summary.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Slide)
     };
+    // The unit is in the header, and only robots with slides need the second one.
     let forces = summary.actuators.iter().any(|actuator| slides_at(&actuator.joint));
     let force = if forces { "force range N·m (slides: N)" } else { "force range N·m" };
     let mut actuators = table(&["actuator", "joint", "kind", "gear", "control range", force], &[3]);

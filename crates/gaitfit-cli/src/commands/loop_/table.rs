@@ -45,6 +45,7 @@ pub fn text(results: &Results) -> String {
         }
     }
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
+    // The column `on` has short names; these lines say what they stand for.
     for place in places(results).into_iter().filter_map(|name| place(results, name)) {
         let _ = writeln!(text, "{place}");
     }

@@ -75,7 +75,9 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
             args.out.display()
         )));
     }
+    // Before the link: its threads inherit the priority.
     real_time();
+    // Made for every robot, because the link of a simulated one borrows it.
     let hung = hanging_go2().map_err(Failure::failed)?;
     let batch = simulation(&hung).map_err(Failure::failed)?;
     let stop = || signals::asked();
@@ -109,6 +111,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
         findings.extend(more);
         moved
     });
+    // Faults are first in the order of severities.
     findings.sort_by_key(|finding| finding.severity);
     let mut document = Document {
         robot: robot.name.clone(),
