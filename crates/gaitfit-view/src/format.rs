@@ -142,6 +142,7 @@ fn trim_zeros(text: &str) -> &str {
 }
 
 fn minus(text: &str) -> String {
+    // The true minus is as wide as a digit, so that columns of numbers align.
     text.replace('-', "\u{2212}")
 }
 

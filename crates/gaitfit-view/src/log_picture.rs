@@ -134,6 +134,7 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
         // Infinite ends are cut at the axes: a mark fills the whole height.
         marks.map(|mark| [mark.span_s, (f64::NEG_INFINITY, f64::INFINITY)]).collect()
     };
+    // Errors are drawn above warnings, so that a stretch with both is red.
     let (wrong, doubtful) = (corners(true), corners(false));
     let mut title = clean(&joint.name);
     if let Some(rms) = tracking_rms(joint) {

@@ -60,6 +60,7 @@ impl Axes<'_> {
         let ticks = if self.ticks[1] > 0 { self.y.ticks(self.ticks[1]) } else { Vec::new() };
         for tick in ticks {
             let y = self.y.at(tick.value);
+            // All grid lines are one path: an element each would make pages with many charts larger.
             let _ = write!(grid, "M{} {}H{}", coordinate(left), coordinate(y), coordinate(right));
             let _ = write!(
                 svg,

@@ -45,6 +45,7 @@ pub struct BarGroup {
 /// All groups below one another. `label` says to those who do not see it what it is.
 pub fn bar_figure(label: &str, groups: &[BarGroup]) -> Figure {
     let bars = || groups.iter().flat_map(|group| &group.bars);
+    // SVG does not wrap or measure texts, so the room for names and values is estimated from their letters.
     let widest = |texts: Vec<String>| texts.iter().map(|text| text_width(text)).fold(0.0, f64::max);
     let names = widest(bars().map(|bar| shortened(&bar.name, NAME)).collect());
     let texts = widest(bars().map(|bar| shortened(&bar.text, TEXT)).collect());
@@ -96,6 +97,7 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         .iter()
         .map(|(look, corners)| Series::Boxes { look: *look, corners: std::slice::from_ref(corners) });
     let over = whiskers.iter().map(|(x, y)| Series::Line { name: "", look: Look::MEAN, x, y });
+    // Drawn even where all bars are on one side, because every length is read from it.
     let zero = Series::Rule { look: Look::MEASURED.thin(), at: 0.0, upright: true };
     let plot = Plot {
         x: Axis { range: Some(range), ticks: 6, ..Axis::default() },

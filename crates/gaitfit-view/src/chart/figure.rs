@@ -87,6 +87,7 @@ impl Figure {
             let shown = shortened(name, 24);
             // A stroke of 18 units and a gap of 5.
             let end = x + 23.0 + text_width(&shown);
+            // A legend that runs out of the figure would be cut in the middle of a name.
             if end > right {
                 break;
             }
@@ -153,6 +154,7 @@ pub(super) fn shortened(text: &str, longest: usize) -> String {
 
 /// The variables of light pages as `(name, value)`: the first block of the style sheet.
 fn variables() -> impl Iterator<Item = (&'static str, &'static str)> {
+    // The first block has the colours of light pages. Dark ones come later, and a file has white paper.
     let block =
         STYLE.split_once('{').and_then(|(_, rest)| rest.split_once('}')).map_or("", |(block, _)| block);
     block.split(';').filter_map(|line| line.split_once(':')).map(|(name, value)| (name.trim(), value.trim()))

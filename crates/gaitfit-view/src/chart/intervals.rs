@@ -70,6 +70,7 @@ pub(crate) fn scale_from_zero(rows: &[Row]) -> Scale {
 
 /// An axis that is not so short that its ticks say nothing: at least a tenth of its values' size.
 fn wide((low, high): (f64, f64)) -> (f64, f64) {
+    // On a shorter axis the labels of neighbouring ticks would differ in their last digits only.
     let missing = 0.1 * low.abs().max(high.abs()) - (high - low);
     if missing > 0.0 { (low - 0.5 * missing, high + 0.5 * missing) } else { (low, high) }
 }
@@ -118,6 +119,7 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
         let _ = write!(svg, r#"<circle class="start" cx="{x}" cy="{}" r="4"/>"#, coordinate(middle));
     }
     for (i, mark) in row.marks.iter().enumerate() {
+        // 9 units leave room for the strokes of 7 above the first mark.
         let y = if row.marks.len() > 1 { 9.0 + 12.0 * i as f64 } else { middle };
         draw_mark(&mut svg, mark, scale, y);
     }
@@ -167,6 +169,7 @@ fn inside(x: f64, low: f64, high: f64) -> bool {
 
 /// Where a bound's track ends: at the bound if it is on the axis, else at the edge of the picture.
 fn edge(bound: f64, end: f64, beyond: f64, scale: &Scale) -> f64 {
+    // `beyond` is the edge of the picture in percent: 0 is the left one.
     let is_outside = if beyond == 0.0 { bound < end } else { bound > end };
     if is_outside { beyond } else { scale.at(bound) }
 }

@@ -21,6 +21,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
     if y.len() <= points.max(4) {
         return (0..y.len()).collect();
     }
+    // Two points from each stretch.
     let buckets = (points / 2).max(2);
     let mut kept = vec![0];
     for bucket in 0..buckets {

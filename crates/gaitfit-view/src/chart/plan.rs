@@ -43,10 +43,12 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
 
     // The last point is what tables are about: it is drawn whatever the step.
     let kept = |track: &Track| -> (Vec<f64>, Vec<f64>) {
+        // At least 1, because a path without points has none to step over.
         let step = track.points.len().div_ceil(POINTS).max(1);
         track.points.iter().step_by(step).chain(track.points.last()).map(|p| (p[0], p[1])).unzip()
     };
     let lines: Vec<(Vec<f64>, Vec<f64>)> = tracks.iter().map(kept).collect();
+    // A track without points has its mark at NaN, which is not drawn.
     let last = |(x, y): &(Vec<f64>, Vec<f64>)| (x.last().copied(), y.last().copied());
     let ends: Vec<([f64; 1], [f64; 1])> =
         lines.iter().map(last).map(|(x, y)| ([x.unwrap_or(f64::NAN)], [y.unwrap_or(f64::NAN)])).collect();

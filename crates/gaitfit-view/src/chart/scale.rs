@@ -124,6 +124,7 @@ impl Scale {
         // Two more than asked for do no harm, and a richer set reads better.
         let max = wanted.max(1) + 2;
         let inside = |multiples: &[f64]| -> Vec<f64> {
+            // Whole powers of ten around the axis; the filter below cuts what lies outside.
             (first..=last)
                 .flat_map(|e| multiples.iter().map(move |m| m * 10_f64.powi(e)))
                 // A tick at the end of the axis may differ from it by rounding.

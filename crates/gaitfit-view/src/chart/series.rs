@@ -92,6 +92,7 @@ impl Series<'_> {
     /// Values that the x axis (`axis` 0) or the y axis (1) has to hold.
     pub(super) fn values(&self, axis: usize) -> Vec<f64> {
         let both = |x: &[f64], y: &[f64]| -> Vec<f64> {
+            // Only points that are drawn may stretch the axes.
             let finite = x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite());
             finite.map(|(x, y)| if axis == 0 { *x } else { *y }).collect()
         };
@@ -149,6 +150,7 @@ fn fits(scale: &Scale, value: f64) -> bool {
 
 fn line(svg: &mut String, axes: &Axes, (name, look): (&str, Look), (x, y): (&[f64], &[f64]), points: usize) {
     let y = &y[..y.len().min(x.len())];
+    // Thinned before the test, so that gaps keep an index and break the line.
     let d = path::line(path::thin(y, points).into_iter().map(|i| {
         let inside = fits(&axes.x, x[i]) && fits(&axes.y, y[i]);
         if inside { (axes.x.at(x[i]), axes.y.at(y[i])) } else { (f64::NAN, f64::NAN) }

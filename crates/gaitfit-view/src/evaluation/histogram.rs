@@ -16,6 +16,7 @@ pub(super) fn histogram(
     mean: f64,
     limit: Option<f64>,
 ) -> Option<String> {
+    // Edges that are not ascending would draw bars over each other.
     let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.iter().all(|e| e.is_finite());
     if counts.is_empty() || counts.len() > BINS || edges.len() != counts.len() + 1 || !ascending {
         return None;
@@ -27,6 +28,7 @@ pub(super) fn histogram(
     let (low, high) = (edges[0], edges[edges.len() - 1]);
     // A limit far away would squeeze the rest.
     let limit = limit.filter(|l| *l > low && *l < high + 2.0 * (high - low));
+    // A pale area and its outline: the outline stays visible behind the lines of mean and limit.
     let outline = |look, filled| Series::Stairs { look, edges, heights: &shares, filled };
     let mut series = vec![outline(Look::AREA, true), outline(Look::FITTED, false)];
     series.push(Series::Rule { look: Look::MEAN, at: mean, upright: true });

@@ -156,6 +156,7 @@ fn ground(row: &Ground) -> GroundRow {
 }
 
 fn card(measure: &Measure) -> Option<Card> {
+    // Rates have no distribution over trajectories, so they get no card.
     let data = measure.histogram.as_ref()?;
     let name = clean(&measure.name);
     let unit = if measure.unit.is_empty() { String::new() } else { format!(" ({})", clean(&measure.unit)) };

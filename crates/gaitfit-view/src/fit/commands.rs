@@ -15,6 +15,7 @@ const AXES: [&str; 3] = ["forward (m/s)", "left (m/s)", "turn (rad/s)"];
 /// Three views of the commands, two of them against one another in each: cells without any are marked. `None`
 /// without commands or a range to see them in.
 pub(super) fn picture(log: &LogSummary) -> Option<String> {
+    // A command that is not known in all three parts has no place in two of the views.
     let finite = |command: &&[f64; 3]| command.iter().all(|x| x.is_finite());
     let seen: Vec<&[f64; 3]> = log.commands.iter().filter(finite).collect();
     // An axis of no length has no cells.

@@ -27,6 +27,7 @@ pub(super) fn cumulative(title: &str, x_title: &str, curves: &[Quantiles]) -> Op
     // A joint that stands still has a curve of no length, and the others must still get some room.
     let reach = STRETCH * (high - low).max(1e-9);
     let (from, to) = curves.iter().filter_map(ends).fold((low, high), |(a, b), (low_end, high_end)| {
+        // Each end moves outwards to the farthest curve, but at most by `reach`.
         (a.min(low_end.max(low - reach)), b.max(high_end.min(high + reach)))
     });
     let points: Vec<(Vec<f64>, Vec<f64>)> = curves

@@ -103,6 +103,7 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
         let mut row = Vec::new();
         for (signal, _) in &known {
             let mut three = cells(joint, *signal);
+            // The page draws a line there between the signals.
             three[0].first = true;
             row.extend(three);
         }

@@ -44,6 +44,8 @@ pub(super) fn build(joints: &[JointTrace]) -> Traces {
 
 /// The joint's card with its fitted RMSE; `None` when there is nothing to draw.
 fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
+    // Small charts for all joints, and a large one of the worst moment, in which the nominal error would hide the
+    // fitted one.
     let whole = traces::Size { width: 420.0, height: 276.0, residual: 66.0, nominal_residual: true, points };
     let close = traces::Size { width: 960.0, height: 400.0, residual: 90.0, nominal_residual: false, points };
     let rmse = |simulated: &[f64]| root_mean_square(&traces::residual(simulated, &trace.measured));

@@ -222,6 +222,7 @@ pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
     }
     let draw = |entries: Vec<Entry>| {
         let rows: Vec<Row> = entries.iter().map(|e| e.row.clone()).collect();
+        // Lengths compare only on one axis, and only within a unit.
         let scale = intervals::shared_scale(&rows);
         let unit = entries[0].unit.clone();
         let picture = |e: Entry| Picture {
@@ -245,6 +246,7 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     let drawn = entries
         .iter()
         .map(|e| {
+            // The first fit above the second, in the colours of the two columns.
             let marks =
                 vec![mark(e.first, e.first_half, Look::FIRST), mark(e.second, e.second_half, Look::SECOND)];
             let text = match e.agrees {

@@ -79,6 +79,7 @@ fn chart<'a>(
         // Costs fall by powers of ten. The pad is for costs that reach 0, for which the axis is linear.
         y: Axis { title: y_title, log: true, pad: 0.04, ..Axis::default() },
         series: lines.map(|(name, y, look)| Series::Line { name, look, x, y }).collect(),
+        // As wide as the chart.
         points: 480,
     };
     plot.figure(title, 480.0, 275.0).map(|figure| figure.inline())

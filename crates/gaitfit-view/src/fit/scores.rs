@@ -132,6 +132,7 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
 pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     let yardstick = Yardstick::of_report(report);
     let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
+    // The first fit is the result; others are beside it for comparison.
     let first = report.fits.first();
     let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
     let cost_heading = format!("{cost_name} cost").trim_start().to_string();
@@ -253,6 +254,7 @@ fn descending(a: f64, b: f64) -> std::cmp::Ordering {
 
 /// Compares `ours` with `theirs` in words, without a sign to misread.
 fn verdict(ours: f64, theirs: f64, what: &str) -> Option<Verdict> {
+    // There is no share of zero or of an unknown number.
     if !(ours.is_finite() && theirs.is_finite() && theirs > 0.0) {
         return None;
     }

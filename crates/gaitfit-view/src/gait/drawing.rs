@@ -149,6 +149,7 @@ fn heights(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64)
 
 fn velocities(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64) -> f64 {
     let named = ["forward (m/s)", "left (m/s)", "turn (rad/s)"];
+    // Command and measurement share a panel, so its axis must hold both.
     let hull = |t: &super::VelocityTrack| extent(t.measured.iter().chain(&t.command).copied());
     let tracks: Vec<_> = gait.velocity.iter().zip(named).filter(|(t, _)| hull(t).is_some()).collect();
     let mut y = top;
@@ -176,6 +177,7 @@ fn velocities(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f
             points: 2 * POINTS,
         };
         figure.plot(&plot, frame(y + 22.0, 66.0));
+        // All panels have the same two lines, so one legend is enough.
         if i == 0 {
             figure.legend(LEGEND, y + 12.0, RIGHT, &[("command", Look::NOMINAL), ("measured", Look::FITTED)]);
         }

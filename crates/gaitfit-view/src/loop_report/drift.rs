@@ -115,6 +115,7 @@ fn picture(sets: &[&DriftTrials], commands: &[&str], cast: &Cast) -> Option<Stri
     });
     let gone = sets.iter().flat_map(|set| {
         let color = cast.color(&set.policy);
+        // Only the commands of the table: paths without a row could not be read.
         let shown = commands.iter().filter_map(|command| find(set, command));
         shown.map(move |trial| Track {
             points: &trial.path,

@@ -124,6 +124,7 @@ fn differences(report: &LoopReport) -> Vec<DifferenceRow> {
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
     let shown = &report.tracking[..report.tracking.len().min(MAX_ROWS)];
+    // A measure that no policy has would be an empty chart and an empty column.
     let known: Vec<&Column> =
         COLUMNS.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
     if known.is_empty() {

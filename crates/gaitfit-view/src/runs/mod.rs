@@ -217,6 +217,7 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
     for (name, unit) in names {
         let same =
             |fit: &Fit| fit.parameters.iter().find(|one| one.name == name && one.unit == unit).cloned();
+        // One place for each fit, so that a column of the table stays with its fit.
         let estimates: Vec<Option<Parameter>> = fits.iter().map(same).collect();
         let mark = |(number, one): (usize, &Option<Parameter>)| {
             let one = one.as_ref()?;

@@ -92,6 +92,7 @@ pub fn side_by_side_html(report: &SideBySide) -> Result<String, ReportError> {
 }
 
 fn card(trace: &JointTrace, points: usize, aligned: bool) -> Option<Card> {
+    // With the nominal error: here both simulators are looked at, not only the fitted one.
     let size = traces::Size { width: 560.0, height: 300.0, residual: 66.0, nominal_residual: true, points };
     let error = |simulated: &[f64]| {
         let error = joints::root_mean_square(&traces::residual(simulated, &trace.measured));

@@ -67,6 +67,7 @@ impl Page {
             doubts: page::doubts(&report.doubts),
             headline: headline(&results),
             rows,
+            // The mean of one seed would repeat its row.
             total: (results.len() > 1).then(|| mean_row(&results)),
             seeds_left_out: report.seeds.len() - seeds.len(),
             facts: page::facts(report.wall_seconds, &report.facts),
