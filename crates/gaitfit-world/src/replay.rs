@@ -100,6 +100,7 @@ fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
     let step = FINE.max(longest / MAX_HEIGHTS);
     // Heights lie on whole steps of the world, where generated ground has its vertices.
     let corner = spans.map(|[low, _]| (low / step).floor() * step);
+    // One height more than steps, because both ends have one.
     let [columns, rows] = [0, 1].map(|k| ((spans[k][1] - corner[k]) / step).ceil() as usize + 1);
     let heights = (0..rows * columns).map(|k| {
         ground.height(corner[0] + (k % columns) as f64 * step, corner[1] + (k / columns) as f64 * step)

@@ -27,6 +27,7 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
     if parts.is_empty() {
         return Ok(whole);
     }
+    // Hashes of hashes, so that no part has to be read into memory together with another.
     let mut hashes = vec![whole];
     for part in &parts {
         hashes.push(hash_file(part)?);
@@ -128,6 +129,7 @@ pub fn find(policy: &Path, recorded: &RobotFile, name: &str) -> Result<(PathBuf,
         format!(
             "{policy}: the robot file that it was trained on, {file}, has changed since (SHA-256 {} then). Restore it, or \
              take it as it is now: --robot {file}{lenient}",
+            // Twelve digits identify a file for a person; the policy has all of them.
             recorded.sha256.get(..12).unwrap_or(&recorded.sha256)
         )
     } else {

@@ -120,6 +120,7 @@ impl World {
         if args.randomised {
             changes.push("randomised as in training".to_owned());
         }
+        // Read once: its rotors, its self-contact and its numbers are all needed below.
         let theta =
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         // An evaluation adds the smallest rotor of the training, unless the fit has found one.
@@ -165,6 +166,7 @@ impl World {
                 changes.push(format!("{} draws of {}", robots.len(), draws.display()));
                 robots
             }
+            // Draws belong to a fit; without one there is nothing to draw.
             _ => Vec::new(),
         };
         check_torque_noise("torque_noise", args.torque_noise).map_err(Error::settings)?;

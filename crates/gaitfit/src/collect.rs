@@ -107,6 +107,7 @@ pub fn collect_in(
     check_no_logs(folder)?;
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
+    // Logs of the CPU go to the disk while others are simulated, so memory holds a few.
     let writer = LogWriter::new(folder, count)?;
     let recorded = match &played {
         Some(sequences) => {
@@ -147,6 +148,7 @@ fn check_no_logs(folder: &Path) -> Result<(), Error> {
 /// command would then all be one: its joints begin about the pose as the task says. A fit begins at a log's first angles.
 fn plain_starts(world: World) -> World {
     let joints = world.scene.settings.start.joint_position;
+    // Without commands and with equal starts, all walks would be the same walk.
     let alike = {
         let interface = &world.scene.walker.interface;
         interface.reference.is_some() && !interface.observes_command()
@@ -268,6 +270,7 @@ fn play(
     };
     let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
     let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
+    // Free walks: the robot is never set back to a logged state.
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
     // Walks end on several threads and in any order; each has its place.
     let logs = Mutex::new(vec![None; scripts.len()]);

@@ -132,6 +132,7 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
     let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unwritable = |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
+    // The hidden folder must be on the disk of `into`, or the rename could not be one step.
     fs::create_dir_all(parent).map_err(unwritable)?;
     // What a killed program left of earlier attempts would stay for ever.
     remove_killed(parent, &prefix).map_err(unwritable)?;

@@ -128,6 +128,7 @@ pub fn follow(
 /// # Errors
 /// A task that a GPU cannot do, or its failure.
 pub fn start_training<'a>(gpus: &[Gpu], training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
+    // From the learner, so that a training resumes with the precision that it began with.
     let precision = training.learner().settings().precision;
     Trainer::together(gpus, training, precision).map_err(rollout_error)
 }

@@ -154,6 +154,7 @@ impl Device {
         candidates: &[Candidate],
         learner: &Learner,
     ) -> Result<(Self, Option<String>), Error> {
+        // The processor trains every task, so nothing is checked.
         if self == Self::Cpu {
             return Ok((self, None));
         }

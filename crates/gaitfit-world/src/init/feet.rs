@@ -137,6 +137,7 @@ impl Sight {
             let outlines = model.outlines.iter().filter(of_limb);
             outlines.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
         };
+        // The first reason is kept: the message names one file, not sixty.
         let mut missing: Option<String> = None;
         // Shapes that collide come first: the file means them to touch.
         for colliding in [true, false] {
@@ -201,6 +202,7 @@ impl Sight {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
         let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
+        // A joint without limits may be a wheel's. Its points decide below.
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
         // A box guessed from inertia shows nothing of a wheel's rim.
         if turns && !self.guess {

@@ -124,6 +124,7 @@ fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
         let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
         // By how much the foot rises for each metre of the slide.
         let rise = slide.axis_at(&frames[slide.body]).lever(at)[2];
+        // As much as a leg with knees lifts its foot.
         let by = (1.0 - LIFTED) * (hip[2] - at[2]);
         // A slide that points more sideways than up does not lift the foot.
         if rise.abs() > 0.5 {

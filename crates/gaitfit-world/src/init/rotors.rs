@@ -47,6 +47,7 @@ impl Rotors {
 
     /// Range of rotor inertia that the training adds to what the file has, kg·m².
     pub fn added(&self) -> [f64; 2] {
+        // The training adds to what the file has, and that is the smallest already.
         if self.in_file { [0.0, tidy(self.largest - self.smallest)] } else { [self.smallest, self.largest] }
     }
 

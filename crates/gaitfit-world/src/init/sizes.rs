@@ -85,6 +85,7 @@ impl Sizes {
         let leg = leg.max(0.02);
         let feet = anatomy.legs.iter().flat_map(|leg| &leg.geoms).map(|&geom| bottom(geom));
         let lowest_foot = feet.fold(f64::INFINITY, f64::min);
+        // A robot that stands on another part than its feet would fall or be counted as fallen at once.
         let under = model
             .pairs
             .iter()

@@ -257,6 +257,7 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     let (length, torque) = (sizes.length(), sizes.torque());
     // A slide's force goes with m g.
     let slides = anatomy.acting().iter().filter(|&&joint| !model.joints[joint].kind.is_hinge()).count();
+    // Squares of torques and forces are summed over all joints, so the unit is their mean square.
     let share = slides as f64 / anatomy.acting().len().max(1) as f64;
     let torque = torque * (1.0 - share + share / (sizes.leg * sizes.leg)).sqrt();
     // The built-in weights are for sums over the Go2's 12 joints.

@@ -39,6 +39,7 @@ pub fn wanted(
     });
     let known = controls.truth.as_ref().zip(setup.known.as_ref());
     let known = known.map(|(truth, theta)| TrainingRobot::known(theta, truth));
+    // In the order of `PLACES`; each is absent if it was not asked for.
     let robots = [
         controls.nominal.then(|| Ok(TrainingRobot::nominal())),
         controls.randomised.then(|| Ok(TrainingRobot::randomised(controls))),
@@ -110,6 +111,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         // Without a finite share the sentence states no percentage.
         if share.is_finite() { format!("{share:.0} % ") } else { String::new() }
     };
+    // The sentence ends with the numbers, so that nobody has to believe its words.
     let numbers = comparison.numbers();
     Some(match comparison.better() {
         Better::Policy => {

@@ -35,6 +35,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
         settings: settings.map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?,
         free: &LOOP_FREE,
         inputs: setup.inputs.clone(),
+        // A resumed loop must read what it read at first, or its rounds would not belong together.
         same_files: true,
         seeds,
         devices: setup.devices.to_string(),
@@ -48,6 +49,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
 /// As it says, or a folder that cannot be read.
 pub fn check_policy(protocol: &Protocol<'_, Asked>, setup: &Setup) -> Result<(), Error> {
     match protocol.folder.read_bytes(FIRST_POLICY)? {
+        // Compared by content: the path may be the same and the file another.
         Some(bytes) if bytes != setup.policy_bytes => {
             Err(protocol.refusal(&format!("the policy {} has changed", setup.config.policy)).into())
         }

@@ -41,6 +41,7 @@ pub fn settings(path: &Path, sets: &[String]) -> Result<AdaptConfig, Error> {
     let (fitted, held) = split(files.into_iter().map(|file| file.path).collect(), config.held_out)?;
     let shown =
         |logs: Vec<_>| logs.iter().map(|log: &std::path::PathBuf| log.display().to_string()).collect();
+    // As seen from here: paths of the loop's file start at its own folder.
     let policy = paths::find(&config.policy, "policy", path)?.display().to_string();
     Ok(AdaptConfig {
         name: config.name.clone(),

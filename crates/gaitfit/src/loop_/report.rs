@@ -194,6 +194,7 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
             links.push(link(format!("Training: {name}"), format!("controls/{place}/finetune/report.html")));
         }
     }
+    // A target that is a real robot has no reference.
     if folder.path().join("reference").is_dir() {
         links.push(link(format!("Training: {REFERENCE}"), "reference/finetune/report.html".to_owned()));
     }

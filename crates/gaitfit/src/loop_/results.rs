@@ -145,6 +145,7 @@ impl Results {
 
     /// Doubt that the policies were measured, but not on the robot; `None` if they were.
     pub fn absence(&self) -> Option<Doubt> {
+        // Without any measurement there is nothing that stands in for the robot.
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
             return None;
         }

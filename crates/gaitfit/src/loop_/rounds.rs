@@ -38,6 +38,7 @@ pub struct Done {
 
 /// Runs all rounds that there are to be, and the reference.
 pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done, Error> {
+    // The robot is looked for first: whether it is there decides how many rounds there can be.
     let (target, absent) = presence::target(setup, folder, watch)?;
     // A further round needs logs of the new policy, which only the robot can make.
     let max = if absent.is_some() { 1 } else { setup.config.rounds };
@@ -45,6 +46,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         watch.note("without the robot there is one round");
     }
     let mut stages = Stages::new(setup, folder, target, watch)?;
+    // For the person who waits: each stage says which one of how many it is.
     let stage_count = count(setup, max, stages.target.as_ref());
     stages = stages.counted(stage_count);
     // Policy 0 is measured first, so that every round has something to be better than.
@@ -133,6 +135,7 @@ fn one_round(
     let setup = stages.setup;
     let round = format!("round-{number}");
     stages.folder.make(&round)?;
+    // Each round begins with the policy of the last one.
     let Some(before) = policies.last() else {
         return Err(Error::failed("a round without a policy to begin with"));
     };
@@ -146,6 +149,7 @@ fn one_round(
     let shown = |logs: &[PathBuf]| logs.iter().map(|path| path.display().to_string()).collect();
     let mut config = setup.config.adapt(number, before.safetensors.display().to_string(), shown(&logs));
     config.validate = shown(&held);
+    // The fit is a run of its own within the loop's folder.
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
@@ -207,6 +211,7 @@ fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, 
     let Some(target) = stages.setup.config.target.as_ref().filter(|target| target.kind.is_robot()) else {
         return Ok(Vec::new());
     };
+    // The logs of a round are those of the policy with which it begins, so both lists go together.
     let logs = (1..).map(|round| stages.path(&logs_of(round)));
     let walked = policies.iter().zip(logs).filter(|(_, logs)| logs.is_dir());
     walked.map(|(policy, logs)| Walked::read(&policy.name, &logs, target.seconds)).collect()
@@ -220,6 +225,7 @@ pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, V
     }
     let mut files = Vec::new();
     for path in &logs {
+        // Held out are single logs, so folders are opened first.
         if path.is_dir() { files.extend(csv_files(path)?) } else { files.push(path.clone()) }
     }
     // From here on at least two logs are held out.
@@ -242,6 +248,7 @@ pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let theta = rules.and_then(|rules| rules.theta(&config.groups(&joints), &joints, &rest));
     let Ok(theta) = theta else { return };
     for entry in theta.entries() {
+        // A fitted entry has a truth only if all its joints have the same one.
         let covers = |joints: &[String]| entry.joints.iter().all(|joint| joints.contains(joint));
         // Later numbers win, as in the file.
         let known = parameter.iter().rev().find(|one| one.kind == entry.kind && covers(&one.joints));
@@ -358,6 +365,7 @@ fn warnings(
     warnings.extend(comparisons.iter().filter_map(controls::warning));
     for round in rounds {
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
+        // Only on a target that measures; the fitted simulators have their own numbers in the table.
         let (Some(before), Some(after)) = (before, after) else { continue };
         if compare(TARGET, after, before).better() != Better::Policy {
             warnings.push(format!("{} tracks no better than {} on the target", round.after, round.before));
@@ -368,6 +376,7 @@ fn warnings(
             warnings.push(format!("{} falls more often than {} on the target", round.after, round.before));
         }
     }
+    // With one round its number would say nothing.
     let which = |round: &RoundResult| match rounds.len() {
         1 => String::new(),
         _ => format!("round {}: ", round.round),

@@ -16,6 +16,7 @@ pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error>
     let unknown = |name: &str| {
         results.parameters.iter().any(|one| one.found.name == name && one.identified == Some(false))
     };
+    // From the file and not from the results, because trainings read the file.
     let parameters = theta::read(file)?.parameter;
     Ok(parameters.into_iter().filter(|one| !unknown(&one.name)).map(|one| one.kind).collect())
 }

@@ -55,6 +55,7 @@ impl Setup {
     /// Reads policy and robot, finds the logs, and checks that settings fit them.
     pub fn open(mut config: LoopConfig, config_path: &Path, threads: usize) -> Result<Self, Error> {
         let mut files = Vec::new();
+        // Every file that is found is one that the result depends on, so it is noted for the hashes.
         let mut find = |named: &str, what: &str| {
             let mut path = paths::find(named, what, config_path)?;
             // A policy may be named by the folder of its training.
@@ -80,6 +81,7 @@ impl Setup {
             files.extend(logs.iter().cloned());
         }
         let policy = gaitfit_policy_files::read(&policy_path)?;
+        // In one format, whatever the file was: policies of a loop are compared by their bytes.
         let policy_bytes = weights::write(&policy)?;
         // Without a robot of its own the loop takes that of the policy's training.
         if let (None, Some(recorded)) = (&robot, &policy.provenance.robot_file) {
@@ -188,6 +190,7 @@ impl Setup {
 
     /// Refuses parameters that the robot cannot have.
     fn check_fit(&self) -> Result<(), Error> {
+        // Neither policy nor logs matter for whether the parameters fit the robot.
         let adapt = self.config.adapt(1, String::new(), Vec::new());
         let joints: Vec<String> = self.model.joints.iter().map(|joint| joint.name.clone()).collect();
         let theta = adapt
@@ -207,6 +210,7 @@ impl Setup {
     ) -> Result<Target, Error> {
         match target.kind {
             TargetKind::Simulated => {
+                // Such a cost compares the base's state, which only a simulated robot can log.
                 let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
                 Ok(Target::Simulated(Box::new(Simulated::new(
                     &self.config,

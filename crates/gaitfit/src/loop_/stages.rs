@@ -170,6 +170,7 @@ impl<'a> Stages<'a> {
             }
         ));
         let folder = RunFolder::only(&self.path(round), "adapt")?;
+        // Finished, resumed or begun: the folder of the fit shows which.
         let results = adapt::fit(&mut setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         Ok((setup, results, folder.path().join("theta.toml")))
@@ -240,6 +241,7 @@ impl<'a> Stages<'a> {
             policy.name, config.train.iterations, config.train.environments
         ));
         let folder = RunFolder::only(&self.path(round), "finetune")?;
+        // As for the fit, the training's folder shows how far it is.
         let results = train::train_in(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         let mut trained = Vec::with_capacity(results.seeds.len());
@@ -330,6 +332,7 @@ impl<'a> Stages<'a> {
         self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
             let world = setup.adapted(policy, theta.to_owned())?;
             let evaluation = measure(&world, &policy.name, &setup.plan(), watch)?.evaluation;
+            // Not the file's path: documents must be the same wherever the run's folder is.
             Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..evaluation }))
         })
     }

@@ -76,6 +76,7 @@ impl Logs {
         }
         // A robot may report a wheel's angle within one turn; the checks would take the jumps for faults.
         log.unwrap_wheels();
+        // All of them at once, so that one mapping file mends the log.
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
         if !strange.is_empty() {
@@ -98,6 +99,7 @@ impl Logs {
         }
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
+        // Findings that would make every number of a fit wrong by a factor, or leave a joint out.
         let assumptions = [
             FindingKind::TimeUnit,
             FindingKind::SuspectUnit,

@@ -115,6 +115,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     }
     let policy =
         settings.policy.as_deref().map(gaitfit_policy_files::read).transpose().map_err(Error::failed)?;
+    // Policies that were trained here name the robot file of their training.
     let remembered = policy.as_ref().and_then(|policy| policy.provenance.robot_file.as_ref());
     let mut moved = None;
     // Without --robot the robot of the policy's training is taken.
@@ -227,6 +228,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
     // All joints or none: gains of some joints alone would leave the others limp.
     let servos: Option<Vec<[f64; 2]>> =
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
+    // A robot without joints has no gains to take.
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
         return Err(Error::settings(
             "missing: --kp N and --kd N (or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
@@ -296,6 +298,7 @@ impl Inputs<'_> {
         add("robot", format!("{} ({robot}), {} joints", shown(&self.model.name), self.model.joints.len()));
         add("logs", self.logs.text());
         add("joints", self.logs.joints_text(&self.model));
+        // With findings about units the warnings say it, and this line would contradict them.
         if self.logs.assumed.is_empty() {
             let units =
                 "the logs are in rad, rad/s and s, plausible for this robot; recordings are converted";

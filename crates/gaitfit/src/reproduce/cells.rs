@@ -203,6 +203,7 @@ impl Run<'_> {
     ) -> Result<SeedResult, Error> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
         setup.devices = device.into();
+        // The folder is bound to settings and files, so a result in it belongs to this very cell.
         let folder = self.open(&format!("{CELLS}/{}", experiment.paper.name), seed, &setup)?;
         // A table that was interrupted goes on with the first cell that is missing.
         if let Some(text) = folder.read(SEED)? {

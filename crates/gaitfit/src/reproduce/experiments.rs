@@ -112,6 +112,7 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
 /// Cells of a scenario share logs and references: what these depend on must be the same.
 fn check_shared(first: &Experiment, later: &Experiment) -> Result<(), Error> {
     let (a, b) = (&first.config, &later.config);
+    // Not `[adapt]`: the fits are what the cells differ in.
     let differs = [
         ("policy", a.policy != b.policy),
         ("robot", a.robot != b.robot || a.lenient != b.lenient),

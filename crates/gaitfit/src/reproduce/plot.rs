@@ -36,6 +36,7 @@ fn errors(results: &Results) -> BarGroup {
 
 fn walks(results: &Results, title: &str, digits: usize, of: fn(&Walk) -> Estimate) -> BarGroup {
     let drawn = |row: &Row| {
+        // References have another colour than fits.
         let look = if row.modification.is_some() { Look::color(0) } else { Look::color(1) };
         bar(row.label(), row.walk.as_ref().map(of).unwrap_or_default(), digits, look)
     };

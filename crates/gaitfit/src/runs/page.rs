@@ -56,6 +56,7 @@ fn shown(run: &Run, page: &Path) -> Shown {
 /// `file` as seen from the folder of `page`, if it is there and is in that folder or below.
 fn relative(file: &Path, page: &Path) -> Option<String> {
     let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // Both without links and `..`, so that one can be a prefix of the other.
     let (file, folder) = (file.canonicalize().ok()?, folder.canonicalize().ok()?);
     let parts = file.strip_prefix(folder).ok()?.iter();
     Some(parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/"))

@@ -124,6 +124,7 @@ kill -KILL $group 2>/dev/null";
                 true => kill_process(group.id, signal),
                 false => kill_process_group(group.id, signal),
             };
+            // A group that has ended by itself is not signalled: its number may be another's by now.
             if there(self) {
                 let _ = signal(self, Signal::TERM);
             }
@@ -145,6 +146,7 @@ kill -KILL $group 2>/dev/null";
     impl Drop for Group {
         fn drop(&mut self) {
             self.end(Duration::ZERO, || ());
+            // The second line; the guard then leaves without ending anything.
             let _ = self.tell("ended\n");
             drop(self.guard.stdin.take());
             let _ = self.guard.wait();

@@ -70,6 +70,7 @@ fn run(words: &[String], timeout_seconds: f64, watch: &Watch<'_>) -> Result<(), 
     if output.status.success() {
         return Ok(());
     }
+    // Programs often end their complaint with an empty line.
     let last = output.last.lines().map(str::trim).rfind(|line| !line.is_empty());
     Err(last.map_or_else(|| output.status.to_string(), str::to_owned))
 }

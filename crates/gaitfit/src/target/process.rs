@@ -208,6 +208,7 @@ impl Said<'_> {
     fn keep(&mut self, piece: Piece) {
         match piece {
             Piece::Out(bytes) if self.out.len() <= MAX_BYTES => self.out.extend(bytes),
+            // Beyond the limit bytes are read and dropped, so that the program does not wait for its pipe.
             Piece::Out(_) => {}
             Piece::Line(line) => {
                 // What a program says of an interruption is of no use to who asked for it.
@@ -253,6 +254,7 @@ fn read_lines(stream: impl Read, sender: &SyncSender<Piece>) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }
+        // A program's line may hold characters that steer the terminal.
         let line = escaped(String::from_utf8_lossy(&line).trim_end(), MAX_LINE as usize);
         if sender.send(Piece::Line(line)).is_err() {
             break;

@@ -103,6 +103,7 @@ impl Robot {
                 let error = ended
                     .err()
                     .unwrap_or_else(|| Error::failed("the robot made fewer walks than asked for."));
+                // Walks of a real robot are not thrown away: the next session makes the missing ones.
                 return Err(match made.len() {
                     0 => error,
                     count => error.advised(format!(

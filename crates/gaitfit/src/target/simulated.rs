@@ -124,6 +124,7 @@ impl Simulated {
                 seed: 0,
                 threads: None,
             },
+            // Policies are measured on one robot without pushes, so that only they differ.
             task: task.calm(),
             options: CollectOptions {
                 count: target.trajectories,
@@ -156,6 +157,7 @@ impl Simulated {
         folder: &Path,
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
+        // A fit starts its robots so, and its logs must begin alike.
         let world = self.world(policy)?.with_plain_starts();
         let subject = world.subject(seed);
         let logs = walks(&subject, &self.options, self.threads, self.device, watch)?;
