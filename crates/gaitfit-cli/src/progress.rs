@@ -89,7 +89,7 @@ impl Progress {
             (Lines::Seconds(every), said) => said.is_none_or(|(said, _)| said.elapsed().as_secs() >= every),
             (Lines::Parts(parts), said) => {
                 let part = |done: usize| parts * done / self.total.max(1);
-                // A line for each part that was passed, even if several were passed at once.
+                // One line, even if several parts were passed at once.
                 part(done) > part(said.map_or(self.first, |(_, said)| said)) || done == self.total
             }
         }

@@ -71,7 +71,6 @@ pub(crate) fn duration(seconds: f64) -> String {
         UNKNOWN.to_string()
     } else if seconds < 120.0 {
         format!("{}\u{a0}s", significant(seconds, 3))
-    // Below two of the larger unit, the smaller one is more exact with the same digits.
     } else if seconds < 7200.0 {
         format!("{}\u{a0}min", significant(seconds / 60.0, 3))
     } else {

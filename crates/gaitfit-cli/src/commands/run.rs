@@ -50,7 +50,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage(format!("--stand takes {} to {} s", STAND_S.start(), STAND_S.end())));
     };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
-    // Refused now if the robot cannot take the policy's default pose, before anybody is asked for the word.
+    // Refused now if the policy is for other joints, before anybody is asked for the word.
     let postures = robot.postures(&policy.interface).map_err(usage)?;
     let guard = guard(args, &robot, control, simulator);
     // Copied, because the guard moves into the supervisor.

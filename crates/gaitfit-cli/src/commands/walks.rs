@@ -152,7 +152,6 @@ fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
         seconds,
         &format!("{}: {} trajectories", path.display(), sequences.len()),
     )?;
-    // The row at the end stops the robot, whatever the last command was.
     let walks = sequences.iter().map(|sequence| {
         // A step at the end or later would never act, and the row at the end stops the walk.
         let within = sequence.steps.iter().filter(|(time, _)| *time < seconds);

@@ -123,7 +123,6 @@ fn text(summary: &FolderSummary) -> String {
     let _ = writeln!(text, "\n{logs}\n");
     if let Some(lag) = &summary.velocity_lag {
         let _ = writeln!(text, "warning: all logs together: {lag}");
-    // Notes do not count as suspicious. A log that cannot be read is listed below, so it is not in the findings.
     } else if summary.findings.iter().all(|group| group.severity == Severity::Note)
         && !summary.logs.iter().any(|log| matches!(log.content, LogContent::Unreadable(_)))
     {
