@@ -14,6 +14,7 @@ pub fn listen() -> Result<(), Failure> {
         return Ok(());
     }
     let handler = || {
+        // The second time: the person does not want to wait for the checkpoint.
         if ASKED.swap(true, Ordering::SeqCst) {
             std::process::exit(Exit::Interrupted as i32);
         }

@@ -43,6 +43,7 @@ pub fn lines() -> Receiver<String> {
                 return;
             }
         }
+        // The input has ended: nobody can stop the robot from here any more.
         stop(LOST);
     });
     receiver
@@ -65,6 +66,7 @@ impl Keyboard {
         let listen = move || {
             while !over.load(Ordering::SeqCst) {
                 match event::poll(LOOK).and_then(|is| if is { event::read().map(Some) } else { Ok(None) }) {
+                    // Some terminals also report releases, which would press each key twice.
                     Ok(Some(Event::Key(key))) if key.kind != KeyEventKind::Release => pressed(&steering, key),
                     Ok(_) => {}
                     Err(_) => return stop(LOST),
@@ -81,6 +83,7 @@ impl Drop for Keyboard {
     fn drop(&mut self) {
         self.over.store(true, Ordering::SeqCst);
         if let Some(thread) = self.thread.take() {
+            // It ends within one look at the keyboard. A thread that still reads would take keys from the shell.
             let _ = thread.join();
         }
         // A terminal that is gone needs no mending.
@@ -118,6 +121,7 @@ enum Wanted {
 fn wanted(key: KeyEvent) -> Option<Wanted> {
     // The terminal sends no signals now: what would have been one is one.
     if key.modifiers.contains(KeyModifiers::CONTROL) {
+        // Terminals send Ctrl-\ as the byte 0x1C, which crossterm reports as Ctrl-4.
         return matches!(key.code, KeyCode::Char('c' | 'z' | '\\' | '4' | 'd'))
             .then_some(Wanted::Stop(INTERRUPTED));
     }

@@ -80,6 +80,7 @@ fn usage(asked: &clap::Error) -> u8 {
     }
     let printed = asked.print().and_then(|()| std::io::stdout().flush());
     match printed {
+        // A reader that went away (`gaitfit --help | head`) is no failure.
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             output::note(&format!("error: cannot write to standard output: {error}"));
             Exit::Failed as u8
@@ -90,6 +91,7 @@ fn usage(asked: &clap::Error) -> u8 {
 
 fn run(cli: &Cli) -> Result<(), Failure> {
     if let Some(isa) = cli.isa {
+        // Before any command: the first use of the engine fixes the instructions for the process.
         gaitfit_isa::select(isa)
             .map_err(|error| Failure { exit: Exit::Missing, message: format!("--isa: {error}") })?;
     }

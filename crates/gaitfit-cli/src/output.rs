@@ -71,6 +71,7 @@ fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
     if !text.chars().any(steers) {
         return Cow::Borrowed(text);
     }
+    // Room for a few escapes, so that most texts need one allocation.
     let mut shown = String::with_capacity(text.len() + 16);
     for letter in text.chars() {
         if steers(letter) {
@@ -84,6 +85,8 @@ fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
 
 /// Whether a character turns the direction of the text around it.
 fn is_bidi(letter: char) -> bool {
+    // Embeddings, overrides and isolates of Unicode's bidirectional algorithm. A name with one could show a file's
+    // ending in the wrong place.
     matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 

@@ -61,8 +61,10 @@ impl Progress {
     /// `done` are finished, the last one with `counted` parts; `state` says how good it is so far.
     pub fn update(&mut self, done: usize, counted: usize, state: &str) {
         self.counted += counted;
+        // The first report may come within one tick of the clock, and the time divides.
         let seconds = self.begun.elapsed().as_secs_f64().max(1e-9);
         let left =
+            // By the mean speed of this process. A run that has just resumed has done nothing yet.
             seconds / done.saturating_sub(self.first).max(1) as f64 * self.total.saturating_sub(done) as f64;
         let speed = speed(self.counted as f64 / seconds);
         let state = harmless(state);
@@ -87,6 +89,7 @@ impl Progress {
             (Lines::Seconds(every), said) => said.is_none_or(|(said, _)| said.elapsed().as_secs() >= every),
             (Lines::Parts(parts), said) => {
                 let part = |done: usize| parts * done / self.total.max(1);
+                // One line, even if several parts were passed at once.
                 part(done) > part(said.map_or(self.first, |(_, said)| said)) || done == self.total
             }
         }
@@ -107,5 +110,6 @@ fn speed(speed: f64) -> String {
 
 /// A time to wait.
 fn time(seconds: f64) -> String {
+    // Below two minutes, rounding to minutes would be too coarse.
     if seconds < 120.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) }
 }

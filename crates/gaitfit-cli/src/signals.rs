@@ -22,12 +22,14 @@ pub fn asked() -> Option<Reason> {
 
 /// The robot may move from now on, or not after all. Whether it may.
 pub fn confirm(confirmed: bool) -> bool {
+    // Stored before the look at `asked`: a signal in between either ends the program or is seen here.
     CONFIRMED.store(confirmed, Ordering::SeqCst);
     confirmed && asked().is_none()
 }
 
 /// Takes note, and ends the program where the robot may not move yet.
 fn ask(place: usize) {
+    // The first reason stays: it is the one that the person is told.
     let _ = ASKED.compare_exchange(0, place, Ordering::SeqCst, Ordering::SeqCst);
     if !CONFIRMED.load(Ordering::SeqCst) {
         note("interrupted; nothing was sent");
@@ -102,6 +104,7 @@ fn wait_for_others() -> Result<(), Failure> {
     ] {
         blocked.remove(signal);
     }
+    // Threads inherit the mask, so only the thread below receives these signals.
     blocked.thread_block().map_err(|error| failed(&error))?;
     let mut waited = SigSet::empty();
     STOPPING.into_iter().for_each(|signal| waited.add(signal));

@@ -124,6 +124,7 @@ fn joints(text: &mut String, findings: &SwingFindings, report: &SwingReport, bes
     if !report.unseen.is_empty() {
         let _ = writeln!(text, "not in the air long enough: {}", report.unseen.join(", "));
     }
+    // Without a fit there is nothing to compare with, but the estimates can be priors of one.
     if beside.is_empty() {
         let _ = writeln!(text, "\n{}", prior_toml(findings, report, STEP_S));
         return;

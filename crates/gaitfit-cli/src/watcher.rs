@@ -11,6 +11,7 @@ use std::sync::{Mutex, PoisonError};
 pub fn watched<T>(lines: Lines, stage: impl FnOnce(&Watch<'_>) -> T) -> T {
     let progress: Mutex<Option<Progress>> = Mutex::new(None);
     let callback = |event: Event<'_>| {
+        // Events come from several threads. A panic in one of them must not silence the others.
         let shown = || progress.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
             Event::Note(text) => note(&format!("note: {text}")),
@@ -27,6 +28,7 @@ pub fn watched<T>(lines: Lines, stage: impl FnOnce(&Watch<'_>) -> T) -> T {
                     progress.finish();
                 }
             }
+            // Events of later versions of the library, which this program cannot show.
             _ => {}
         }
         if interrupt::asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -17,7 +17,9 @@ pub(crate) fn significant(x: f64, digits: usize) -> String {
         return "0".to_string();
     }
     let (mantissa, exponent) = scientific_parts(x, digits);
+    // Beyond this, zeros would have to be counted by eye.
     if (-4..6).contains(&exponent) {
+        // Never below 0 decimals: 12345 with 3 digits stays 12345.
         fixed(x, (digits as i32 - 1 - exponent).max(0) as usize)
     } else {
         format!("{}\u{a0}×\u{a0}10{}", minus(&mantissa), superscript(exponent))
@@ -40,7 +42,9 @@ pub(crate) fn with_spread(value: f64, spread: f64) -> (String, String) {
         return (significant(value, 4), significant(spread, 2));
     }
     let spread_exponent = scientific_parts(spread, 2).1;
+    // Zero has no power of ten of its own.
     let value_exponent = if value == 0.0 { spread_exponent } else { scientific_parts(value, 4).1 };
+    // A spread below 1e-6 would give its value more than seven decimals.
     let plain = -6..6;
     if !plain.contains(&spread_exponent) || !(-4..6).contains(&value_exponent.max(spread_exponent)) {
         return (significant(value, 4), significant(spread, 2));
@@ -57,6 +61,7 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     }
     let text = format!("{x:.decimals$}");
     let is_zero = text.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
+    // A number that is rounded to zero has no sign.
     minus(if is_zero { text.trim_start_matches('-') } else { &text })
 }
 
@@ -78,6 +83,7 @@ pub(crate) fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut out = String::new();
     for (i, digit) in digits.chars().enumerate() {
+        // Counted from the end.
         if i > 0 && (digits.len() - i).is_multiple_of(3) {
             out.push('\u{a0}');
         }
@@ -97,6 +103,8 @@ pub(crate) fn clean_prose(text: &str) -> String {
 }
 
 fn printable(text: &str, longest: usize) -> String {
+    // Characters of zero width, direction marks, and numbers that are no characters: names that differ must look
+    // different.
     let hidden = |c: &char| {
         c.is_control()
             || matches!(*c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
@@ -114,6 +122,7 @@ fn printable(text: &str, longest: usize) -> String {
 /// `text` for element content and double-quoted attributes.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
+    // XML forbids most control characters even if they are escaped.
     for c in clean(text).chars() {
         match c {
             '&' => out.push_str("&amp;"),
@@ -132,11 +141,13 @@ fn trim_zeros(text: &str) -> &str {
 }
 
 fn minus(text: &str) -> String {
+    // The true minus is as wide as a digit, so that columns of numbers align.
     text.replace('-', "\u{2212}")
 }
 
 /// Mantissa text and power of ten after rounding to `digits`.
 fn scientific_parts(x: f64, digits: usize) -> (String, i32) {
+    // Rust rounds first, so 9.996 with three digits has the exponent 1.
     let text = format!("{x:.*e}", digits.saturating_sub(1));
     let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
     (mantissa.to_string(), exponent.parse().unwrap_or(0))

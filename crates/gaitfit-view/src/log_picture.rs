@@ -60,6 +60,7 @@ pub struct LogMark {
 /// joints at most. Long curves keep every peak.
 pub fn log_picture_svg(log: &LogPicture) -> String {
     let shown = log.joints.len().min(JOINTS);
+    // A leg has three joints in many robots, so rows of three put one leg into each row.
     let columns = if shown.is_multiple_of(3) { 3 } else { 4.min(shown.max(1)) };
     let rows = shown.div_ceil(columns);
     let width = PANEL.0 * columns.max(2) as f64;
@@ -70,7 +71,9 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
         _ => String::new(),
     };
     let facts = format!("{}{left_out}; position ({}) over time (s)", log.facts, log.unit());
+    // Without facts the text would begin with the separator.
     figure.text(12.0, 41.0, Anchor::Start, facts.trim_start_matches("; "));
+    // Two entries of about 85 units, in the line of the heading.
     figure.legend(width - 190.0, 22.0, width, &[("measured", Look::color(0)), ("target", Look::color(1))]);
     for (number, joint) in log.joints.iter().take(JOINTS).enumerate() {
         let left = PANEL.0 * (number % columns) as f64;
@@ -121,6 +124,7 @@ pub fn log_picture_html(log: &LogPicture) -> Result<String, ReportError> {
 }
 
 fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top: f64) {
+    // A panel without samples keeps its axes, so that the joint is not missing from the picture.
     let times = extent(log.time_s.iter().copied()).unwrap_or((0.0, 1.0));
     let values = extent(joint.position.iter().chain(&joint.target).copied()).unwrap_or((-1.0, 1.0));
     // A mark that names no joint is about all of them.
@@ -130,6 +134,7 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
         // Infinite ends are cut at the axes: a mark fills the whole height.
         marks.map(|mark| [mark.span_s, (f64::NEG_INFINITY, f64::INFINITY)]).collect()
     };
+    // Errors are drawn above warnings, so that a stretch with both is red.
     let (wrong, doubtful) = (corners(true), corners(false));
     let mut title = clean(&joint.name);
     if let Some(rms) = tracking_rms(joint) {
@@ -159,6 +164,7 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
 /// RMS of position minus target over the samples that have both; `None` without a target.
 fn tracking_rms(joint: &LogJoint) -> Option<f64> {
     let both = joint.position.iter().zip(&joint.target);
+    // A gap in either signal gives NaN and is left out.
     let squares: Vec<f64> = both.map(|(q, target)| (q - target).powi(2)).filter(|x| x.is_finite()).collect();
     (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
 }

@@ -41,6 +41,7 @@ pub fn candidates(
         ),
     })?;
     let wrong = |problem: String| Error::content(path, problem);
+    // Numbered before empty lines are left out, so that messages count as an editor does.
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let Some((_, header)) = lines.next() else {
         return Err(wrong("it is empty; a header with the names of parameters comes first".to_owned()));
@@ -77,6 +78,7 @@ fn columns(header: &str, fit: &ThetaFile) -> Result<Vec<Option<usize>>, String> 
     let names = || fit.parameter.iter().map(|one| one.name.as_str()).collect::<Vec<_>>().join(", ");
     let mut columns = Vec::new();
     for name in header.split(',').map(str::trim) {
+        // A network's weights are named by its kind and an underscore.
         let weight = |kind: &str| name.strip_prefix(kind).is_some_and(|rest| rest.starts_with('_'));
         let Some(place) = fit.parameter.iter().position(|one| one.name == name) else {
             if fit.network.iter().any(|network| weight(network.kind.name())) {

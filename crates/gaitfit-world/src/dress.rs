@@ -32,6 +32,7 @@ pub(crate) fn dressed(mut robot: ReplayRobot, model: &Model) -> ReplayRobot {
 
 /// A foot's geom, a tenth thicker, so that it shows through the leg's mesh.
 fn grown(shape: Shape) -> Shape {
+    // A tenth of the smallest size, so that a long, flat shape does not become much longer.
     let by = |sizes: &[f64]| 0.1 * sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match shape {
         Shape::Box { half } => Shape::Box { half: half.map(|side| side + by(&half)) },
@@ -67,6 +68,7 @@ fn foot_within(robot: &ReplayRobot, body: usize, corners: &[Vec3]) -> Option<usi
                 high[k] = high[k].max(geom.position[k] + half[k]);
             }
         }
+        // A mesh may be larger than the foot's geoms by half of their box. A shank is longer than that.
         let beside = (0..3).map(|k| 0.5 * (high[k] - low[k])).fold(0.0, f64::max);
         corners.iter().all(|point| (0..3).all(|k| (low[k] - beside..=high[k] + beside).contains(&point[k])))
     })
@@ -87,6 +89,7 @@ fn half_box(geom: &Geom) -> Vec3 {
         axis[k] = half[k];
         rotate(quaternion, axis)
     });
+    // The extent of a turned box along an axis is the sum of its half sides' shares. A round part adds its radius.
     std::array::from_fn(|k| round + axes.iter().map(|axis| axis[k].abs()).sum::<f64>())
 }
 

@@ -100,6 +100,7 @@ fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
     let step = FINE.max(longest / MAX_HEIGHTS);
     // Heights lie on whole steps of the world, where generated ground has its vertices.
     let corner = spans.map(|[low, _]| (low / step).floor() * step);
+    // One height more than steps, because both ends have one.
     let [columns, rows] = [0, 1].map(|k| ((spans[k][1] - corner[k]) / step).ceil() as usize + 1);
     let heights = (0..rows * columns).map(|k| {
         ground.height(corner[0] + (k % columns) as f64 * step, corner[1] + (k / columns) as f64 * step)
@@ -119,6 +120,7 @@ fn frame(model: &Model, record: &GaitRecord, step: usize) -> Frame {
     Frame {
         base_position: std::array::from_fn(|k| record.base[7 * step + k]),
         base_quaternion: std::array::from_fn(|k| record.base[7 * step + 3 + k]),
+        // A page's joints count from the pose of the file; the model's count from their own zero.
         joints: angles.iter().zip(&model.joints).map(|(q, joint)| q - joint.reference).collect(),
         contacts: record.contact[step * feet..(step + 1) * feet].to_vec(),
         command: three(&record.command),

@@ -27,6 +27,7 @@ fn fingerprint(path: &Path) -> Result<String, Error> {
     if parts.is_empty() {
         return Ok(whole);
     }
+    // Hashes of hashes, so that no part has to be read into memory together with another.
     let mut hashes = vec![whole];
     for part in &parts {
         hashes.push(hash_file(part)?);
@@ -49,6 +50,7 @@ pub fn settled(asked: &WorldSettings, policy: &Policy) -> Result<(WorldSettings,
     let Some(recorded) = &policy.provenance.robot_file else { return Ok((settings, Vec::new())) };
     let mut notes = Vec::new();
     match &asked.robot {
+        // Another file is read as strictly as asked: what the training dropped says nothing of it.
         Some(path) => settings.lenient |= as_leniently(path, recorded),
         None => {
             let (path, note) = find(&asked.policy, recorded, &policy.interface.robot)?;
@@ -127,6 +129,7 @@ pub fn find(policy: &Path, recorded: &RobotFile, name: &str) -> Result<(PathBuf,
         format!(
             "{policy}: the robot file that it was trained on, {file}, has changed since (SHA-256 {} then). Restore it, or \
              take it as it is now: --robot {file}{lenient}",
+            // Twelve digits identify a file for a person; the policy has all of them.
             recorded.sha256.get(..12).unwrap_or(&recorded.sha256)
         )
     } else {
@@ -148,6 +151,7 @@ fn nearby(path: &Path) -> PathBuf {
 /// current folder and from the folders above the policy.
 fn places(policy: &Path, was: &Path) -> Vec<PathBuf> {
     let absolute = std::path::absolute(policy).unwrap_or_else(|_| policy.to_owned());
+    // Without the root, because the ends are joined to other folders.
     let parts: Vec<_> = was.components().skip(1).collect();
     let from = parts.len().saturating_sub(MAX_DEPTH);
     let mut places = Vec::new();

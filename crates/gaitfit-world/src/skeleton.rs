@@ -24,6 +24,7 @@ pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
         // A body without mass and geoms marks a place, such as a foot's; it gets no bone.
         let end = !model.bodies.iter().any(|other| other.parent == Some(index));
         if end && bare(index) && (body.mass > 0.0 || geoms(index).next().is_some()) {
+            // A bare body has balls alone, so the first geom is one.
             let to = geoms(index).next().map_or(body.ipos, |ball| ball.pos);
             bones.extend(bone(carrier[index], to));
         }

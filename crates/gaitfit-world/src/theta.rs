@@ -36,6 +36,7 @@ pub fn doubts(file: &ThetaFile, path: &Path, model: &Model, step: Option<f64>) -
 
 /// Gives a task the contacts of the robot's own parts that the fit simulated, unless the task has some.
 pub fn add_self_contact(file: &ThetaFile, settings: &mut TaskSettings) {
+    // What the task asks for wins over the fit.
     if settings.self_contact.is_off() {
         settings.self_contact.clone_from(&file.self_contact);
     }

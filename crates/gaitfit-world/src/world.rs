@@ -120,6 +120,7 @@ impl World {
         if args.randomised {
             changes.push("randomised as in training".to_owned());
         }
+        // Read once: its rotors, its self-contact and its numbers are all needed below.
         let theta =
             args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         // An evaluation adds the smallest rotor of the training, unless the fit has found one.
@@ -165,6 +166,7 @@ impl World {
                 changes.push(format!("{} draws of {}", robots.len(), draws.display()));
                 robots
             }
+            // Draws belong to a fit; without one there is nothing to draw.
             _ => Vec::new(),
         };
         check_torque_noise("torque_noise", args.torque_noise).map_err(Error::settings)?;
@@ -289,6 +291,7 @@ const GRID: usize = 200;
 
 /// Mean velocity error of a robot that stands still, m/s: the mean of |c| over commands c = (x, y) as they are drawn.
 pub fn standing_error(command: &CommandSettings) -> f64 {
+    // Midpoints: the error of the rule falls with the square of the cells' size.
     let at = |[low, high]: [f64; 2], cell: usize| low + (high - low) * (cell as f64 + 0.5) / GRID as f64;
     let sum: f64 =
         (0..GRID * GRID).map(|cell| at(command.x, cell / GRID).hypot(at(command.y, cell % GRID))).sum();

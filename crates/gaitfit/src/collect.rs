@@ -78,6 +78,7 @@ pub fn collect_in(
     let world = plain_starts(world);
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let CollectSettings { trajectories: count, seconds, log_shift: [low, high], privileged, .. } = *settings;
+    // Written as a chain of `<=`, so that NaN is refused too.
     if !(0.0 <= low && low <= high && high <= LATEST) {
         return Err(Error::settings(format!(
             "`log_shift` (--log-shift) is {} {}: give two times from 0 to {LATEST} s, the shorter first",
@@ -92,6 +93,7 @@ pub fn collect_in(
             "`commands` (--commands) are played by the robot as it is; leave `randomised` (--randomised) out",
         ));
     }
+    // A file of commands has as many walks as sequences.
     let count = played.as_ref().map_or(count, Vec::len);
     check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
     settings.device.check()?;
@@ -105,9 +107,11 @@ pub fn collect_in(
     check_no_logs(folder)?;
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
+    // Logs of the CPU go to the disk while others are simulated, so memory holds a few.
     let writer = LogWriter::new(folder, count)?;
     let recorded = match &played {
         Some(sequences) => {
+            // Decided here: the number of sequences was not known when the device was chosen.
             let device = settings.device.for_trajectories(count);
             play(&world, &options, sequences, settings.world.seed, threads, device, watch)
                 .and_then(|logs| writer.put_all(&logs))
@@ -144,6 +148,7 @@ fn check_no_logs(folder: &Path) -> Result<(), Error> {
 /// command would then all be one: its joints begin about the pose as the task says. A fit begins at a log's first angles.
 fn plain_starts(world: World) -> World {
     let joints = world.scene.settings.start.joint_position;
+    // Without commands and with equal starts, all walks would be the same walk.
     let alike = {
         let interface = &world.scene.walker.interface;
         interface.reference.is_some() && !interface.observes_command()
@@ -230,6 +235,7 @@ fn play(
     let walker = &world.scene.walker;
     let interface = &walker.interface;
     let dt = interface.control_dt;
+    // Rounded, because 4.0 / 0.02 is not exactly 200 in f64.
     let period = |seconds: f64| (seconds / dt).round() as usize;
     let [low, high] = options.shift;
     // The log begins late by a random time, so that logs do not all begin with the same standing robot.
@@ -248,6 +254,7 @@ fn play(
             velocity_joints: interface.velocity_joints.clone(),
             time: (0..rows).map(|sample| sample as f64 * dt).collect(),
             rate_hz: 1.0 / dt,
+            // Only times, commands and gains count. The walk that is simulated replaces the joints' signals.
             position: interface.default_pose.repeat(rows),
             velocity: vec![0.0; rows * interface.joints.len()],
             target: None,
@@ -263,6 +270,7 @@ fn play(
     };
     let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
     let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
+    // Free walks: the robot is never set back to a logged state.
     let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
     // Walks end on several threads and in any order; each has its place.
     let logs = Mutex::new(vec![None; scripts.len()]);
@@ -271,6 +279,7 @@ fn play(
         let made = Recorded::new(walker, &scripts[number], track);
         let fell_at = made.fell_at;
         let mut log = made.instead_of(&templates[number]);
+        // A robot does not measure these, so a log has them only if that was asked for.
         if let Some(base) = log.base.as_mut().filter(|_| options.privileged) {
             base.position = Some(wide(&track.base_position));
             base.linear_velocity = Some(wide(&track.base_velocity));
@@ -301,6 +310,7 @@ fn play(
         // A robot that fell before its log began leaves an empty one.
         let end = fell_at.unwrap_or(log.len()).max(shift(number));
         let trajectory = log.slice(shift(number)..end).ok()?;
+        // A slice keeps its times, and a log begins at 0.
         let time = (0..trajectory.len()).map(|sample| sample as f64 * dt).collect();
         let fell = fell_at.is_some();
         Some(Recording { trajectory: Trajectory { time, fell, ..trajectory }, fell })
@@ -319,6 +329,7 @@ pub fn check_length(key: &str, count: usize, seconds: f64, period: f64) -> Resul
         )));
     }
     let rows = count as f64 * seconds / period;
+    // At least one row in each log. A comparison with NaN is false, so NaN is refused.
     if seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MAX_ROWS {
         return Ok(());
     }

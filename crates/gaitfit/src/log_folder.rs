@@ -45,10 +45,12 @@ impl LogWriter {
     /// A folder that cannot be written.
     pub fn new(folder: &Path, count: usize) -> Result<Self, Error> {
         let unwritable = |error: std::io::Error| Error::unwritable(folder, error);
+        // The caller owns the folder, so no other process can be writing there.
         remove_killed(folder, WRITING).map_err(unwritable)?;
         Ok(Self {
             folder: folder.to_owned(),
             partial: tempfile::Builder::new().prefix(WRITING).tempdir_in(folder).map_err(unwritable)?,
+            // All names have the same length, so that they sort by number.
             digits: count.saturating_sub(1).to_string().len().max(2),
             put: Mutex::new(Vec::with_capacity(count)),
         })
@@ -126,9 +128,11 @@ const WRITING: &str = ".writing-";
 /// Those of `fill`, or a folder that cannot be written.
 pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
     let name = into.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    // The parent of a plain name is the empty path, which cannot be opened.
     let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unwritable = |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
+    // The hidden folder must be on the disk of `into`, or the rename could not be one step.
     fs::create_dir_all(parent).map_err(unwritable)?;
     // What a killed program left of earlier attempts would stay for ever.
     remove_killed(parent, &prefix).map_err(unwritable)?;
@@ -192,6 +196,7 @@ pub fn check_recorded(folder: &Path) -> Result<(), String> {
             }
             Err(error) => return Err(format!("it left `{name}`, which cannot be read: {error}")),
         };
+        // A folder called like a log would be opened as one by the reader.
         if !(file_type.is_file() || file_type.is_dir() && !is_csv(&path)) {
             let leads = if link { "a symbolic link to " } else { "" };
             return Err(format!(

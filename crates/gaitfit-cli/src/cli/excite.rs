@@ -118,6 +118,8 @@ impl Excite {
             theta: self.theta.clone(),
             parameters: self.parameters.clone(),
             trajectories: self.trajectories,
+            // One option with two defaults: a chirp needs time for its lowest frequency, a sequence of commands
+            // does not.
             seconds: self.seconds.unwrap_or(COMMAND_SECONDS),
             pool: self.pool,
             reach: self.reach,
@@ -129,6 +131,8 @@ impl Excite {
 
     /// A chirp, as the library takes it.
     pub fn chirp(&self) -> ChirpSettings {
+        // clap asks for exactly two numbers. A missing one becomes NaN, which the library refuses, so nothing here
+        // can panic.
         let end = |at: usize| self.frequency.get(at).copied().unwrap_or(f64::NAN);
         ChirpSettings {
             robot: self.file.clone(),
@@ -183,9 +187,11 @@ impl std::str::FromStr for Gain {
             gain: PerJoint,
         }
         let gain =
+            // A value of TOML is a number or an inline table, so one text reads both forms.
             toml::from_str::<Holder>(&format!("gain = {text}")).map(|holder| holder.gain).map_err(|_| {
                 "give a number for all joints, or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'".to_owned()
             })?;
+        // Written with `!` so that NaN is refused too: every comparison with NaN is false.
         match gain.values().iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
             Some(wrong) => Err(format!("a gain is {wrong}; give numbers of at least 0")),
             None => Ok(Self(gain)),
@@ -201,6 +207,7 @@ impl std::str::FromStr for Angle {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        // The first `=` separates them, because an angle has none.
         let parts = text.split_once('=').map(|(joint, angle)| (joint.trim(), angle.trim().parse::<f64>()));
         match parts {
             Some((joint, Ok(angle))) if !joint.is_empty() => Ok(Self(joint.to_owned(), angle)),

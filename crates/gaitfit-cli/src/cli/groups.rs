@@ -33,6 +33,7 @@ pub fn command(all: bool) -> Command {
 
 /// The command that an unknown one has the letters of, where nothing nearer is suggested: `fti` is `fit`.
 pub fn meant(error: &clap::Error) -> Option<String> {
+    // clap suggests by similar spelling. Its suggestion is better than ours if it has one.
     let suggested = error.get(ContextKind::SuggestedSubcommand).is_some();
     let Some(ContextValue::String(unknown)) =
         error.get(ContextKind::InvalidSubcommand).filter(|_| !suggested)
@@ -41,6 +42,7 @@ pub fn meant(error: &clap::Error) -> Option<String> {
     };
     let letters = |word: &str| {
         let mut letters: Vec<char> = word.chars().collect();
+        // Two words with the same letters are equal once the letters are sorted.
         letters.sort_unstable();
         letters
     };
@@ -55,7 +57,10 @@ pub fn from_variable(error: &clap::Error) -> Option<&'static str> {
         Some(ContextValue::String(text)) => Some(text.as_str()),
         _ => None,
     };
+    // The argument is reported with its placeholder: `--isa <SET>`.
     let option = text(ContextKind::InvalidArg)?.starts_with("--isa");
+    // clap reports a value from the environment as if it were on the command line. So it is the variable's only if
+    // the option is absent and the values agree.
     let value = std::env::var(gaitfit_isa::VARIABLE).ok()?;
     let given = std::env::args().any(|argument| argument.starts_with("--isa"));
     (option && !given && text(ContextKind::InvalidValue) == Some(value.as_str()))
@@ -69,6 +74,7 @@ pub fn seed(text: &str) -> Result<u64, String> {
 
 /// Names the option that lists the options that this help leaves out.
 fn hint(command: Command) -> Command {
+    // `--isa` is hidden and belongs to all commands. It alone is no reason to point at more options.
     let rare = command.get_arguments().any(|option| option.is_hide_set() && !option.is_global_set());
     if !rare {
         return command;
@@ -90,9 +96,12 @@ fn groups(program: &Command) -> StyledStr {
             let about = program.find_subcommand(name).and_then(Command::get_about);
             let _ = writeln!(
                 text,
+                // Widths of the longest heading and the longest name, and two spaces. The test below keeps lines
+                // within 80 characters.
                 "{heading:<9}{name:<13}{}",
                 about.map(ToString::to_string).unwrap_or_default()
             );
+            // The heading stands in the first row of its group only.
             heading = "";
         }
     }

@@ -203,6 +203,7 @@ pub struct Init {
 
 /// Reads a number of minutes: finite and at least 0.
 fn minutes(text: &str) -> Result<f64, String> {
+    // Infinity would train for ever, and NaN compares with nothing.
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number >= 0.0);
     number.ok_or_else(|| "expected a number of minutes, at least 0".to_owned())
 }

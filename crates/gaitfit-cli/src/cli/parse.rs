@@ -15,6 +15,8 @@ impl Cli {
     /// # Errors
     /// Help that was asked for, or what is wrong with a word.
     pub fn read(arguments: &[OsString]) -> Result<Self, clap::Error> {
+        // clap knows `--help` only. The options must be shown before it renders the help, so the word is looked for
+        // first.
         let all = arguments.iter().any(|word| word == ALL);
         let words = arguments.iter().map(|word| if word == ALL { "--help".into() } else { word.clone() });
         let matches = negative(command(all)).try_get_matches_from(words).map_err(advised)?;
@@ -37,6 +39,7 @@ fn advised(mut error: clap::Error) -> clap::Error {
     let advice = error.source().and_then(|source| match source.downcast_ref::<ParseIntError>() {
         Some(wrong) => match wrong.kind() {
             IntErrorKind::PosOverflow => Some("give a smaller number"),
+            // Numbers of a `NonZero` type.
             IntErrorKind::Zero => Some("give 1 or more"),
             _ => Some("give a whole number, not negative"),
         },

@@ -31,6 +31,8 @@ impl FromStr for RobotKind {
         let known = BUILT_IN.iter().any(|(name, _)| *name == text);
         match text {
             "simulated" => Ok(Self::Simulated),
+            // The file is not opened here: an error inside it deserves a better message than a wrong word on the
+            // command line.
             _ if known || text.ends_with(".toml") => Ok(Self::Linked(text.to_owned())),
             _ => {
                 let names: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).collect();
@@ -51,6 +53,7 @@ impl RobotKind {
     pub fn robot(&self) -> Result<Robot, RobotError> {
         match self {
             Self::Simulated => Robot::built_in("unitree-go2"),
+            // No built-in robot's name ends so.
             Self::Linked(name) if name.ends_with(".toml") => Robot::read(Path::new(name)),
             Self::Linked(name) => Robot::built_in(name),
         }
@@ -93,6 +96,7 @@ impl LinkArgs {
 
     /// How long `robot` stands before the policy acts; `None` if the time is out of range.
     pub fn stand(&self, robot: &Robot) -> Option<Duration> {
+        // Other robots stand up by themselves, so they need only the time to come to rest.
         let usual = if robot.hangs { LOWERED_S } else { Times::default().settle.as_secs_f64() };
         let seconds = self.stand.unwrap_or(usual);
         STAND_S.contains(&seconds).then(|| Duration::from_secs_f64(seconds))

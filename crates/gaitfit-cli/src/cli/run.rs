@@ -32,6 +32,7 @@ pub struct RunArgs {
 impl RunArgs {
     /// The device of the run `name` in the folder `runs`.
     pub fn devices(&self, asked: Option<&super::Devices>, runs: &str, name: &str) -> super::Devices {
+        // A run that resumes stays on its devices, unless the command line names others.
         let last = self.resume.then(|| last_devices(Path::new(runs), name)).flatten();
         super::Devices::choose(asked.cloned(), last.as_deref())
     }
@@ -44,6 +45,7 @@ impl RunArgs {
 
 /// The help of `--set` in a command whose configuration is a `C`.
 fn set_help<C: Configuration>(set: Arg) -> Arg {
+    // The example differs from command to command, so it is filled in for each.
     set.help(format!("Change one setting, for example --set {} (repeatable)", C::EXAMPLE))
 }
 
@@ -235,10 +237,12 @@ impl std::str::FromStr for Seeds {
         };
         if !text.contains(',') {
             return match number(text)? {
+                // Each seed is a whole training. A larger number is more likely meant as one seed.
                 count @ 1..=1000 => Ok(Self((1..=count).collect())),
                 count => Err(format!("{count} seeds; give 1 to 1000, or a list such as 4,9")),
             };
         }
+        // The comma at the end makes a list of one seed; without it the number would be a count.
         let list = text.strip_suffix(',').unwrap_or(text);
         list.split(',').map(number).collect::<Result<_, _>>().map(Self)
     }

@@ -164,7 +164,9 @@ pub struct Collect {
 impl Collect {
     /// The robot that is asked for in the place of a robot file.
     pub fn on_robot(&self) -> Option<RobotKind> {
+        // A file with the name of a robot wins: `--robot` means a file first.
         let robot = self.world.robot.as_deref().filter(|path| !path.exists())?;
+        // A word that names no robot is left to the reader of robot files, which reports it.
         robot.to_str()?.parse().ok()
     }
 }

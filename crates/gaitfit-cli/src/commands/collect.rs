@@ -56,6 +56,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
     output::note(&line);
     interrupt::listen()?;
     let collection = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
+    // The number of files may be smaller than asked for: a robot that fell before its log began has none.
     let document = Document {
         simulator: collection.simulator,
         trajectories: collection.files.len(),

@@ -25,6 +25,7 @@ pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&Report { machine, cuda, device });
     }
+    // Some systems report no name of the processor and no features.
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
         "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}device     \
@@ -54,6 +55,7 @@ fn gpus(cuda: &Found) -> String {
     if let (Some(version), Some(path)) = (&cuda.nvrtc, &cuda.nvrtc_path) {
         lines.push(format!("NVRTC      {version} ({path})"));
     }
+    // Last: a machine without a GPU has these lines alone.
     lines.extend(cuda.problems.iter().map(|problem| format!("no GPU     {problem}")));
     lines.iter().map(|line| format!("{line}\n")).collect()
 }

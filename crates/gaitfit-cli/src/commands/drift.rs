@@ -58,8 +58,10 @@ fn policy(form: Form, path: String) -> Policy {
             names.push(&trial.direction);
         }
     }
+    // Each direction by itself: a robot may drift ahead and not aside.
     let directions = names.iter().map(|name| {
         let trials: Vec<&Measured> = form.trials.iter().filter(|trial| trial.direction == *name).collect();
+        // A trial without an error is one in which the robot fell: its end says nothing of the drift.
         let part =
             |part: usize| estimate(trials.iter().filter_map(|trial| trial.error.map(|error| error[part])));
         Direction {
@@ -78,6 +80,7 @@ fn policy(form: Form, path: String) -> Policy {
         form: path,
         directions,
         distance: estimate(trials().filter_map(Measured::distance)),
+        // The size: over all directions, turns to the left and to the right would cancel.
         heading: estimate(trials().filter_map(|trial| trial.error.map(|error| error[2].abs()))),
         fell: trials().filter(|trial| trial.error.is_none()).count(),
         not_made: form.empty,
@@ -101,6 +104,7 @@ fn text(policies: &[Policy]) -> String {
     // Rows of one direction stand together, so that policies are compared line by line.
     for direction in directions {
         for policy in policies {
+            // Forms may have different directions. A direction that a form lacks has no row for its policy.
             let Some(one) = policy.directions.iter().find(|one| one.direction == direction) else { continue };
             rows.add_row([
                 direction.to_owned(),

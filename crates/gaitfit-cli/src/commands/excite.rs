@@ -53,6 +53,8 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&Chosen { commands: &commands, written: &args.out });
     }
+    // Three fits are compared: with the logs there are, with random commands beside these, and with the chosen
+    // ones.
     let header = ["parameter", "recorded", "random", "chosen", "unit", "chosen over random"];
     let mut rows = table(&header, &[1, 2, 3, 5]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
@@ -112,6 +114,7 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
         ),
         match &args.fit {
             None => format!("gaitfit fit {out}/fit.toml"),
+            // The gains and parameters of this fit decided the motion, so its log belongs to the same fit.
             Some(fit) => format!("gaitfit fit {} --set 'logs=[\"{out}/log.csv\"]'", fit.display()),
         },
     ])
@@ -153,6 +156,7 @@ fn text(chirp: &Chirp, written: &[String]) -> String {
         ]);
     }
     let _ = writeln!(text, "{rows}\n");
+    // Limits come after the table, because they explain its numbers.
     let limited: Vec<&Swept> = chirp.joints.iter().filter(|joint| joint.limited_by.is_some()).collect();
     match limited.is_empty() {
         true => text.push_str("No limit reduced it.\n"),

@@ -115,10 +115,12 @@ impl<'a> From<&'a Explain> for ExplainInput<'a> {
 /// What logs show of a robot, or why they show nothing.
 fn findings(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Looked, Failure> {
     let looked = match input.policy {
+        // Simulated robots need the policy that walked. Without it only the logs speak.
         Some(policy) => compared(input, policy, watch)?,
         None => without_simulation(input, watch)?,
     };
     match (&looked.findings.swings, &looked.findings.why_not) {
+        // No log was usable, so there is nothing to print but the reason.
         (None, Some(why)) => {
             let logs = input.logs;
             Err(Failure::failed(format!("{}: {why}. {}", logs.display(), looked.line(logs).trim_end())))
@@ -184,6 +186,7 @@ fn without_simulation(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<Look
             look::lacks(&model, first_log(logs).as_ref(), robot)
         ))
     })?;
+    // By the times themselves: a log with gaps is longer than its samples.
     let seconds =
         |log: &Trajectory| log.time.last().zip(log.time.first()).map_or(0.0, |(last, first)| last - first);
     Ok(Looked {

@@ -38,6 +38,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         None => None,
     };
     let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
+    // Whatever is read must not be overwritten by the log.
     let inputs =
         args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
     // Before the recording is read, which may take long.
@@ -95,6 +96,7 @@ fn in_order(
     // Read once as assumed: only the numbers show whether the order fits.
     let imported = read(files, mapping.clone())?;
     let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
+    // Joints with names are matched by name, so their order does not matter.
     let Some(model) = assumed.filter(|_| numbered) else { return Ok((imported, None)) };
     match weight::order(&imported.trajectory, model) {
         Order::Shown => Ok((imported, None)),
@@ -192,9 +194,12 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
     let assumed = mapping.joints.is_none() && model.is_some();
     if let Some(model) = model {
         let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        // Only the order of numbered joints: a recording with names keeps its own.
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
     }
+    // The list of the command line replaces the one of the file: two lists together would take more than either
+    // asks for.
     if !args.take.is_empty() {
         mapping.streams.take.clone_from(&args.take);
     }
@@ -218,11 +223,14 @@ fn observed(interface: &Interface) -> Vec<Option<ObservedNumber>> {
     let scales = layout.scales();
     let mut parts: Vec<Option<ObservedNumber>> = vec![None; layout.width()];
     for slot in layout.slots() {
+        // Such numbers have no column in a log.
         let Some(names) = slot.quantity.log_columns(&interface.joints) else { continue };
         for (number, (place, column)) in slot.present.clone().zip(names).enumerate() {
             let is_position = slot.quantity == Quantity::JointPosition;
+            // Policies observe positions from the default pose; logs have absolute ones.
             let offset = if is_position { interface.default_pose[number] } else { 0.0 };
             let scale = f64::from(scales[place]);
+            // A scale of 0 hides the quantity from the policy, so the recorded 0 shows nothing of it.
             parts[place] = (scale != 0.0).then_some(ObservedNumber { column, scale, offset });
         }
     }
@@ -234,6 +242,8 @@ fn text(document: &Document) -> String {
     for (path, kind) in &document.report.files {
         let _ = writeln!(text, "{}: {kind}", shown_path(path));
     }
+    // In the order in which a reader checks a recording: what was read, what was assumed, what was dropped, what is
+    // wrong.
     let mut streams =
         table(&["stream", "samples", "Hz", "from s", "to s", "clock", "quantities"], &[1, 2, 3, 4]);
     for stream in &document.report.streams {

@@ -41,6 +41,7 @@ impl Files {
     /// Refuses to overwrite what is there, unless that is asked for.
     fn new(args: &Init, prepared: &Prepared) -> Result<Self, Failure> {
         let configuration = args.out.clone().unwrap_or_else(|| file_for(&prepared.model.name));
+        // All files have the configuration's name, so that several robots fit into one folder.
         let stem = configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let stem = stem.unwrap_or_default();
         // The robot's own file stays as it is.
@@ -153,7 +154,9 @@ fn file_for(robot: &str) -> PathBuf {
     let plain = |letter: char| {
         if letter.is_ascii_alphanumeric() || "_-.".contains(letter) { letter } else { '-' }
     };
+    // File systems allow 255 bytes, and endings such as `-stance.html` follow. A longer name would fail at the end.
     let name: String = robot.chars().map(plain).take(64).collect();
+    // A dot in front hides a file, and a dash makes it look like an option.
     let name = name.trim_matches(['.', '-']);
     PathBuf::from(format!("{}.toml", if name.is_empty() { "robot" } else { name }))
 }

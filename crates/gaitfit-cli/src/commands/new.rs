@@ -48,6 +48,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
     // Converted recordings are removed again if this fails; `keep` below makes them stay.
     let mut written = new::write(&settings)?;
     converted.keep();
+    // In front: a wrong unit or order of joints makes all later warnings meaningless.
     written.warnings.splice(0..0, assumed);
     if args.json { output::print_json(&written) } else { output::print(&text(&written)) }?;
     match written.problem {
@@ -77,6 +78,7 @@ struct Converted {
 
 impl Converted {
     fn new(out: Option<&Path>) -> Self {
+        // Without `--out` nothing is converted, so the empty path is never used.
         let folder = out.map(|out| out.with_extension("logs")).unwrap_or_default();
         Self { folder, files: Vec::new(), made: false }
     }
@@ -100,6 +102,7 @@ impl Converted {
             // A .csv file of another program is a recording.
             false if has_ending(path, &["csv"]) && is_log(path, args)? => return Ok(vec![path.to_owned()]),
             false => vec![path.to_owned()],
+            // The file that every ROS 2 bag has. The folder is one recording, whatever it holds.
             true if path.join("metadata.yaml").is_file() => vec![path.to_owned()],
             true => {
                 let mut inside = recordings(path)?;
@@ -184,6 +187,7 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
             inside.push(file);
         }
     }
+    // The file system's order differs between machines, and it would decide the order of the logs.
     inside.sort();
     Ok(inside)
 }
@@ -199,6 +203,8 @@ fn is_log(path: &Path, args: &New) -> Result<bool, Failure> {
     match gaitfit_log::read_csv(path, &ReadOptions::default()) {
         Ok(_) => Ok(true),
         Err(
+            // Faults that a table of another program has too: its columns have other names, or it is no table of
+            // numbers.
             LogError::MissingColumn { .. }
             | LogError::DuplicateColumn { .. }
             | LogError::RowLength { .. }

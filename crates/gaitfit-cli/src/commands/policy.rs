@@ -96,6 +96,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         parameters: network.parameters.len(),
     };
     let parts = |terms: &[Term]| {
+        // The place of a term in the observation is what a program needs that runs the policy elsewhere.
         let part = |(term, slot): (&Term, &Slot)| Part {
             quantity: slot.quantity,
             start: slot.present.start,
@@ -111,6 +112,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         action_scale: interface.action_scale[index],
         kp: interface.kp[index],
         kd: interface.kd[index],
+        // The file holds the logarithm.
         std: policy.log_std[index].exp(),
     };
     Document {
@@ -180,6 +182,7 @@ pub fn text(document: &Document) -> String {
     if provenance.program_version.is_empty() {
         text.push_str("\ntrained elsewhere\n\n");
     } else {
+        // Twelve digits tell configurations apart; `--json` prints all of them.
         let hash: String = provenance.configuration_hash.chars().take(12).collect();
         let _ = writeln!(
             text,
@@ -190,7 +193,9 @@ pub fn text(document: &Document) -> String {
     let mut observation = table(&["observation", "elements", "scale"], &[1]);
     for part in &document.observation {
         let scale: Vec<String> = part.scale.iter().map(f32::to_string).collect();
+        // No scale means that numbers are taken as they are.
         let scale = if scale.is_empty() { "1".to_owned() } else { scale.join(" ") };
+        // Terms with a history: where its oldest frame begins.
         let past = match part.frames[..] {
             [] => String::new(),
             [first, ..] => format!(", {} frames, the oldest from {first}", part.frames.len()),

@@ -79,6 +79,7 @@ mod dds {
     }
 
     pub fn record(args: &Record, topics: &[Topic]) -> Result<(), Failure> {
+        // The raw messages are kept: the log can be made again with another mapping, the recording cannot.
         let recording = args.out.with_extension("mcap");
         let inputs = [args.topics.as_path()];
         files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
@@ -99,6 +100,7 @@ mod dds {
             args.interface,
             args.domain
         ));
+        // By topic, because one that is silent is the usual fault.
         let mut counts = vec![Count::default(); topics.len()];
         let (begin, mut first, mut warned) = (Instant::now(), None, false);
         let (mut lost, mut bytes) = (0, 0u64);
@@ -117,6 +119,7 @@ mod dds {
                 }
                 count.messages += 1;
                 count.last = message.ns;
+                // About what MCAP adds to each message.
                 bytes += message.bytes.len() as u64 + 64;
                 bag.message(message.topic, message.ns, &message.bytes).map_err(Failure::failed)?;
             }
@@ -190,6 +193,7 @@ mod dds {
             1 => "1 message".to_owned(),
             many => {
                 let seconds = (count.last - count.first) as f64 / 1e9;
+                // N messages have N − 1 intervals. Two messages may have come at the same nanosecond.
                 format!("{many} messages, {:.1} a second", (many - 1) as f64 / seconds.max(1e-9))
             }
         }
@@ -214,6 +218,7 @@ mod dds {
             .published()
             .iter()
             .filter(|topic| !topics.contains(topic))
+            // A robot can have hundreds of topics, and a longer list hides the wanted one.
             .take(40)
             .map(|topic| format!("{} ({})", topic.name.escape_debug(), topic.kind.escape_debug()))
             .collect();

@@ -32,6 +32,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     check(args, simulator)?;
     signals::listen()?;
     let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
+    // A run folder has several policies; the person must see which one will walk.
     chosen.iter().for_each(|chosen| note(chosen));
     let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     let robot = args.robot.robot().map_err(usage)?;
@@ -49,8 +50,10 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage(format!("--stand takes {} to {} s", STAND_S.start(), STAND_S.end())));
     };
     let control = Duration::from_secs_f64(policy.interface.control_dt);
+    // Refused now if the policy is for other joints, before anybody is asked for the word.
     let postures = robot.postures(&policy.interface).map_err(usage)?;
     let guard = guard(args, &robot, control, simulator);
+    // Copied, because the guard moves into the supervisor.
     let limits = guard.limits;
     let out = logs_of(args);
     // Until the summary is written: two walks into one folder would destroy each other's logs.
@@ -58,6 +61,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let controller = controller(args, &robot, &policy, &who, &out).map_err(usage)?;
     // The link's threads inherit it.
     let real_time = real_time();
+    // Declared outside of the `match`: the link borrows it and lives longer than the branch.
     let batch;
     let link: Box<dyn Link + Send + '_> = match (&args.robot, &args.link.interface) {
         (RobotKind::Linked(_), Some(interface)) => over_dds(args, &robot, interface)?,
@@ -107,6 +111,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 fn guard(args: &Run, robot: &Robot, control: Duration, simulator: bool) -> GuardSettings {
     let patience = Duration::from_millis(args.link.patience.into());
     let guard = GuardSettings { stale: patience, late: patience, simulator, ..robot.guard(control) };
+    // Never below the robot's own limit: patience is for machines that are slower than a robot's.
     let late_policy = guard.late_policy.max(2 * control + patience);
     GuardSettings { late_policy, ..guard }
 }
@@ -255,6 +260,7 @@ fn without_run(path: &Path) -> Result<(), Failure> {
 
 /// Shows the robot's state and asks for the word. `stand`: how long the robot stands before the policy acts.
 fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotState) -> bool {
+    // One motor that is too hot stops the walk, so the hottest one counts.
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
     let name = robot.motors.get(motor).map_or("none", |motor| &motor.joint);
@@ -342,6 +348,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
     if let Err(problem) = kept {
         note(&problem.message);
     }
+    // Ctrl-C arrives as a key while the keyboard steers, and as a signal otherwise.
     let interrupted = signals::asked().is_some() || keyboard::stopped() == Some(Reason::Signal);
     let exit = if interrupted { Exit::Interrupted } else { Exit::Failed };
     Err(Failure { exit, message: format!("damped: {reason}") })
@@ -352,6 +359,7 @@ fn save(args: &Run, who: &Who, summary: &Summary) -> Result<(), Failure> {
     let text = serde_json::to_vec_pretty(summary)
         .map_err(|error| Failure::failed(format!("cannot write the summary: {error}")))?;
     let out = logs_of(args);
+    // With several walks, the files about the whole run have a folder of their own.
     let folder = if who.logs().is_some() { out.join(RUN) } else { out };
     Ok(gaitfit::files::write(&folder.join("summary.json"), &text)?)
 }
@@ -360,6 +368,7 @@ fn shown(args: &Run, summary: &Summary) -> String {
     let late = |lateness: &gaitfit_robot::run::Lateness| {
         format!("{} / {} / {} µs", lateness.p50, lateness.p99, lateness.max)
     };
+    // Only torques that are reported for long enough show it.
     let delay = summary
         .delay
         .map_or("not measured: the walk is short, or no torques are reported".to_owned(), |delay| {

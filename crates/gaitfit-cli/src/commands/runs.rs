@@ -31,6 +31,7 @@ pub fn run(args: &Runs) -> Result<(), Failure> {
         rows.add_row([
             shown(&run.folder),
             run.kind.name().to_owned(),
+            // ISO 8601 without seconds: `2026-01-31T12:34`. A damaged file may hold a shorter text.
             shown(run.begun.get(..16).unwrap_or(&run.begun)).replace('T', " "),
             run.wall_seconds.map_or("–".to_owned(), |seconds| format!("{seconds:.0} s")),
             run.robot.as_deref().map_or("–".to_owned(), shown),

@@ -48,6 +48,7 @@ fn text(results: &SensitivityResults) -> String {
 pub fn parameters(sensitivities: &[ParameterSensitivity]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "identified", "correlates with"];
     let mut rows = table(&header, &[1, 2, 3]);
+    // Absent if the logs do not identify the parameter at all.
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| significant(value, 3));
     for ParameterSensitivity { name, unit, value, deviation, alone, identified, like } in sensitivities {
         rows.add_row([

@@ -41,6 +41,7 @@ pub fn next<'a>(args: &'a Run, trials: &'a [Trial]) -> impl FnMut(usize, f64) ->
             ));
         }
         if args.link.yes || args.link.dry_run {
+            // Nobody marks the floor in a simulator, so the robot only has to come to rest.
             return if waited >= args.link.pause() { Next::Begin } else { Next::Wait };
         }
         // Not before: until it is armed the word is read elsewhere.
@@ -53,6 +54,7 @@ pub fn next<'a>(args: &'a Run, trials: &'a [Trial]) -> impl FnMut(usize, f64) ->
             Ok(line) if line.trim().eq_ignore_ascii_case("q") => Next::End,
             Ok(_) => Next::Begin,
             Err(TryRecvError::Empty) => Next::Wait,
+            // Nobody can type any more, so no further trial may begin.
             Err(TryRecvError::Disconnected) => Next::End,
         }
     }

@@ -19,6 +19,7 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
         config: args.config.clone(),
         set: args.set.clone(),
         threads: args.threads.map(NonZeroUsize::get),
+        // The policy of the fit's own configuration.
         policy: None,
     };
     // The program ends at once on Ctrl-C.

@@ -19,6 +19,7 @@ struct Document<'a> {
 
 /// Simulates the log and writes the page.
 pub fn run(args: &View) -> Result<(), Failure> {
+    // The smallest positive number as the lower end refuses a length of 0.
     for (option, value, min) in [("--from", args.from, 0.0), ("--seconds", args.seconds, f64::MIN_POSITIVE)] {
         if !(value >= min && value.is_finite()) {
             return Err(Failure::usage(format!("{option} {value}: give a number of seconds, not below 0")));
@@ -56,6 +57,7 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let warnings: String = viewed.warnings.iter().map(|warning| format!("note: {warning}\n")).collect();
     output::print(&format!("{}\n{warnings}page: {}\n", viewed.headline, page.display()))?;
     match (&args.theta, viewed.distance_rad) {
+        // Only the robot file's parameters were simulated, so a comparison with fitted ones is the next step.
         (None, [Some(_), _]) => output::next(&[format!(
             "gaitfit view {} --theta runs/FIT/theta.toml",
             gaitfit_model::argument(&args.log)

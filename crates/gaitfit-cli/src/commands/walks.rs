@@ -66,6 +66,7 @@ pub fn who(args: &Run, policy: &Policy) -> Result<Who, Failure> {
         )));
     }
     if args.remote {
+        // A remote cannot ask for more than these ranges, so nothing is checked later.
         return Ok(Who::Remote(ranges(policy, &task)));
     }
     if args.keyboard {
@@ -121,6 +122,7 @@ fn check_ranges(
 /// Whether a file has commands of several trajectories, as `gaitfit excite --policy` writes them.
 fn is_playlist(path: &Path) -> bool {
     let header = |text: String| {
+        // The first line that is no comment is the header. Excel writes a byte order mark in front of it.
         let rows = text
             .trim_start_matches('\u{feff}')
             .lines()
@@ -151,6 +153,7 @@ fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
         &format!("{}: {} trajectories", path.display(), sequences.len()),
     )?;
     let walks = sequences.iter().map(|sequence| {
+        // A step at the end or later would never act, and the row at the end stops the walk.
         let within = sequence.steps.iter().filter(|(time, _)| *time < seconds);
         let rows = within.map(|(time, command)| (*time, command.map(|part| part as f32)));
         rows.chain([(seconds, [0.0; 3])]).collect()
@@ -171,6 +174,7 @@ fn check_count(args: &Run, count: usize, seconds: f64, named: &str) -> Result<()
     if !(0.5..=60.0).contains(&pause) {
         return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
     }
+    // N walks have N − 1 pauses: N · seconds + (N − 1) · pause must be at most the limit.
     let max = ((MAX_WALK_SECONDS + pause) / (seconds + pause)).floor();
     if count as f64 > max {
         return Err(Failure::usage(format!(
@@ -189,6 +193,7 @@ fn drift(args: &Run, repeats: usize, policy: &Policy, task: &TaskSettings) -> Re
         _ => return Err(Failure::usage("--drift-speeds: give three numbers, X,Y,YAW")),
     };
     let trials = trials(repeats, [x, y, yaw]).map_err(|error| Failure::usage(format!("--drift: {error}")))?;
+    // Trials go in both directions, so both ends of a range must hold the speed.
     let extremes = [x, y, yaw].map(|speed| [-f64::from(speed), f64::from(speed)]);
     let remedy = "give slower --drift-speeds, or try it with --robot simulated and take --beyond-training";
     check_ranges(args, policy, task, extremes, "--drift-speeds", remedy)?;
@@ -201,6 +206,7 @@ fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
         note(
             "the policy's training is unknown: commands go up to 0.5 m/s ahead, 0.3 m/s aside and 0.5 rad/s",
         );
+        // A policy of an unknown training may fall under larger commands.
         return [[-0.5, 0.5], [-0.3, 0.3], [-0.5, 0.5]];
     }
     task.command.ranges(1.0).map(|range| range.map(|end| end as f32))
@@ -233,6 +239,7 @@ fn random(args: &Run, policy: &Policy, task: &TaskSettings) -> Result<Script, Fa
     let script = match args.trajectories {
         Some(count) => {
             check_count(args, count.get(), seconds, &format!("--trajectories: {count}"))?;
+            // The seeds follow each other, so a longer list of walks begins with the same ones.
             let walks: Vec<_> = (0..count.get() as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
             Script::of_walks(&walks, args.link.pause())
         }

@@ -45,6 +45,7 @@ impl Axes<'_> {
         let box_text = [left, top, right, bottom].map(coordinate).join(" ");
         let _ = write!(
             svg,
+            // The script turns positions back into values with these numbers, so they are not rounded.
             r#"<g class="panel" data-box="{box_text}" data-x="{x0} {x1}" data-y="{y0} {y1}" data-log="{}" data-xlog="{}">"#,
             u8::from(self.y.is_log()),
             u8::from(self.x.is_log())
@@ -59,10 +60,13 @@ impl Axes<'_> {
         let ticks = if self.ticks[1] > 0 { self.y.ticks(self.ticks[1]) } else { Vec::new() };
         for tick in ticks {
             let y = self.y.at(tick.value);
+            // All grid lines are one path: an element each would make pages with many charts larger.
             let _ = write!(grid, "M{} {}H{}", coordinate(left), coordinate(y), coordinate(right));
             let _ = write!(
                 svg,
                 r#"<text class="t e" x="{}" y="{}">{}</text>"#,
+                // 5 units to the left of the axis. 3.5 units are about half the height of a digit, so that the
+                // number stands at the middle of its line.
                 coordinate(left - 5.0),
                 coordinate(y + 3.5),
                 tick.label
@@ -86,6 +90,7 @@ impl Axes<'_> {
         for tick in ticks {
             let x = coordinate(self.x.at(tick.value));
             let _ = write!(marks, "M{x} {}v4", coordinate(bottom));
+            // Below the mark of 4 units, and above the title at 30.
             let y = coordinate(bottom + 15.0);
             let _ = write!(svg, r#"<text class="t m" x="{x}" y="{y}">{}</text>"#, tick.label);
         }

@@ -45,9 +45,11 @@ pub struct BarGroup {
 /// All groups below one another. `label` says to those who do not see it what it is.
 pub fn bar_figure(label: &str, groups: &[BarGroup]) -> Figure {
     let bars = || groups.iter().flat_map(|group| &group.bars);
+    // SVG does not wrap or measure texts, so the room for names and values is estimated from their letters.
     let widest = |texts: Vec<String>| texts.iter().map(|text| text_width(text)).fold(0.0, f64::max);
     let names = widest(bars().map(|bar| shortened(&bar.name, NAME)).collect());
     let texts = widest(bars().map(|bar| shortened(&bar.text, TEXT)).collect());
+    // The longest name of all groups, so that all bars begin at one x.
     let left = names + 20.0;
     let right = left + BARS;
     let mut figure = Figure::new(label, right + texts + 20.0, 0.0);
@@ -59,6 +61,7 @@ pub fn bar_figure(label: &str, groups: &[BarGroup]) -> Figure {
         draw(&mut figure, &group.bars, Frame { left, top, right, bottom });
         top = bottom + 26.0;
     }
+    // Without any group the sheet is still a valid picture.
     figure.set_height(top.max(20.0));
     figure
 }
@@ -79,6 +82,8 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         .enumerate()
         .filter(|(_, bar)| bar.value.is_finite())
         .map(|(i, bar)| {
+            // Two thirds of the line's height; the rest is the gap between bars. A negative value has its bar to
+            // the left of zero.
             (bar.look, [(bar.value.min(0.0), bar.value.max(0.0)), (line(i) - 0.32, line(i) + 0.32)])
         })
         .collect();
@@ -92,6 +97,7 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         .iter()
         .map(|(look, corners)| Series::Boxes { look: *look, corners: std::slice::from_ref(corners) });
     let over = whiskers.iter().map(|(x, y)| Series::Line { name: "", look: Look::MEAN, x, y });
+    // Drawn even where all bars are on one side, because every length is read from it.
     let zero = Series::Rule { look: Look::MEASURED.thin(), at: 0.0, upright: true };
     let plot = Plot {
         x: Axis { range: Some(range), ticks: 6, ..Axis::default() },
@@ -104,8 +110,10 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
     // The plot's own scale, so that each text stands at the end of its bar.
     let scale = scale::Scale::linear(Some(range), frame.left, frame.right);
     for (i, bar) in bars.iter().enumerate() {
+        // SVG places text by its base line, which is about 4 units below the middle of the letters.
         let base = frame.top + LINE * (i as f64 + 0.5) + 4.0;
         figure.text(frame.left - 8.0, base, Anchor::End, &shortened(&bar.name, NAME));
+        // The text stands to the right of the bar, of its whisker, and of zero.
         let reach =
             [0.0, interval(bar).1].map(|end| if end.is_finite() { scale.at(end) } else { frame.left });
         figure.text(reach[0].max(reach[1]) + 6.0, base, Anchor::Start, &shortened(&bar.text, TEXT));

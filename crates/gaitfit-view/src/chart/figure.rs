@@ -83,11 +83,15 @@ impl Figure {
     pub fn legend(&mut self, x: f64, y: f64, right: f64, entries: &[(&str, Look)]) -> f64 {
         let mut x = x;
         for (name, look) in entries {
+            // A long name would push the other entries out.
             let shown = shortened(name, 24);
+            // A stroke of 18 units and a gap of 5.
             let end = x + 23.0 + text_width(&shown);
+            // A legend that runs out of the figure would be cut in the middle of a name.
             if end > right {
                 break;
             }
+            // At half the height of small letters.
             let (from, stroke) = (coordinate(x), coordinate(y - 4.0));
             let _ = write!(self.body, r#"<path class="s {look}" d="M{from} {stroke}h18"/>"#);
             self.text(x + 23.0, y, Anchor::Start, &shown);
@@ -144,11 +148,13 @@ pub(super) fn shortened(text: &str, longest: usize) -> String {
     if text.chars().count() <= longest {
         return text.to_string();
     }
+    // The ellipsis counts as one character.
     text.chars().take(longest.saturating_sub(1)).chain(['…']).collect()
 }
 
 /// The variables of light pages as `(name, value)`: the first block of the style sheet.
 fn variables() -> impl Iterator<Item = (&'static str, &'static str)> {
+    // The first block has the colours of light pages. Dark ones come later, and a file has white paper.
     let block =
         STYLE.split_once('{').and_then(|(_, rest)| rest.split_once('}')).map_or("", |(block, _)| block);
     block.split(';').filter_map(|line| line.split_once(':')).map(|(name, value)| (name.trim(), value.trim()))
@@ -160,6 +166,7 @@ fn colour(name: &str) -> &'static str {
 
 /// The rules of the style sheet with the values of light pages in place of variables.
 fn plain_style() -> String {
+    // The rules of marks. The blocks before them define variables, which are replaced below.
     let rules = STYLE.lines().filter(|line| line.starts_with("svg ")).collect::<Vec<_>>().join("\n");
     variables().fold(rules, |rules, (name, value)| rules.replace(&format!("var({name})"), value))
 }

@@ -53,6 +53,8 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
         // A single value has no length: then only what equals it but for rounding is near.
         let length = (high - low).max(1e-12 * high.abs());
         let near = |factor: f64| move |x: &f64| *x >= low - factor * length && *x <= high + factor * length;
+        // A start or an interval at most two lengths away is worth a longer axis; what is farther away would
+        // squeeze the values. A bound must be nearer, because its track can run out of the picture.
         let starts = rows.iter().filter_map(|r| r.start).filter(near(2.0));
         let profiles = rows.iter().filter_map(|r| r.profile).flat_map(|(a, b)| [a, b]).filter(near(2.0));
         hull = scale::extent(starts.chain(profiles).chain(bounds().filter(near(1.0))).chain([low, high]));
@@ -68,6 +70,7 @@ pub(crate) fn scale_from_zero(rows: &[Row]) -> Scale {
 
 /// An axis that is not so short that its ticks say nothing: at least a tenth of its values' size.
 fn wide((low, high): (f64, f64)) -> (f64, f64) {
+    // On a shorter axis the labels of neighbouring ticks would differ in their last digits only.
     let missing = 0.1 * low.abs().max(high.abs()) - (high - low);
     if missing > 0.0 { (low - 0.5 * missing, high + 0.5 * missing) } else { (low, high) }
 }
@@ -75,6 +78,7 @@ fn wide((low, high): (f64, f64)) -> (f64, f64) {
 /// One row's picture on the shared axis.
 pub(crate) fn row(row: &Row, scale: &Scale) -> String {
     let (low, high) = scale.domain();
+    // 12 units for each mark, so that dots of 4.5 units do not touch. A single mark has room for its strokes.
     let height = if row.marks.len() > 1 { 6.0 + 12.0 * row.marks.len() as f64 } else { 24.0 };
     let middle = height / 2.0;
     let mut svg = format!(r#"<svg class="strip" width="100%" height="{height}" aria-hidden="true">"#);
@@ -115,6 +119,7 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
         let _ = write!(svg, r#"<circle class="start" cx="{x}" cy="{}" r="4"/>"#, coordinate(middle));
     }
     for (i, mark) in row.marks.iter().enumerate() {
+        // 9 units leave room for the strokes of 7 above the first mark.
         let y = if row.marks.len() > 1 { 9.0 + 12.0 * i as f64 } else { middle };
         draw_mark(&mut svg, mark, scale, y);
     }
@@ -157,12 +162,14 @@ fn draw_mark(svg: &mut String, mark: &Mark, scale: &Scale, y: f64) {
 }
 
 fn inside(x: f64, low: f64, high: f64) -> bool {
+    // An end of the axis is often one of the values and may differ from it by rounding.
     let slack = 1e-9 * (high - low);
     x >= low - slack && x <= high + slack
 }
 
 /// Where a bound's track ends: at the bound if it is on the axis, else at the edge of the picture.
 fn edge(bound: f64, end: f64, beyond: f64, scale: &Scale) -> f64 {
+    // `beyond` is the edge of the picture in percent: 0 is the left one.
     let is_outside = if beyond == 0.0 { bound < end } else { bound > end };
     if is_outside { beyond } else { scale.at(bound) }
 }

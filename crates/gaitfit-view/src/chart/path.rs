@@ -21,6 +21,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
     if y.len() <= points.max(4) {
         return (0..y.len()).collect();
     }
+    // Two points from each stretch.
     let buckets = (points / 2).max(2);
     let mut kept = vec![0];
     for bucket in 0..buckets {
@@ -36,6 +37,7 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
         }
     }
     kept.push(y.len() - 1);
+    // A stretch with one number has it as lowest and as highest. The indices ascend, so equal ones are neighbours.
     kept.dedup();
     kept
 }
@@ -46,6 +48,7 @@ pub(crate) fn line(points: impl IntoIterator<Item = (f64, f64)>) -> String {
     let mut pen_down = false;
     for (x, y) in points {
         if x.is_finite() && y.is_finite() {
+            // A lone point between two gaps becomes a move without a line, which draws nothing.
             let command = if pen_down { 'L' } else { 'M' };
             let _ = write!(path, "{command}{} {}", coordinate(x), coordinate(y));
             pen_down = true;

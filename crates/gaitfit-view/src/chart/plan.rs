@@ -35,6 +35,7 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
     let (wide, tall) = ((x1 - x0).max(0.2) * 1.1, (y1 - y0).max(0.2) * 1.1);
     // Pixels a metre, the same both ways.
     let zoom = (width / wide).min(0.95 * width / tall);
+    // A path straight ahead still leaves room for the numbers of the axis.
     let height = (tall * zoom).max(100.0);
     let frame = Frame { left: 56.0, top: 26.0, right: 56.0 + width, bottom: 26.0 + height };
     let centred =
@@ -42,10 +43,12 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
 
     // The last point is what tables are about: it is drawn whatever the step.
     let kept = |track: &Track| -> (Vec<f64>, Vec<f64>) {
+        // At least 1, because a path without points has none to step over.
         let step = track.points.len().div_ceil(POINTS).max(1);
         track.points.iter().step_by(step).chain(track.points.last()).map(|p| (p[0], p[1])).unzip()
     };
     let lines: Vec<(Vec<f64>, Vec<f64>)> = tracks.iter().map(kept).collect();
+    // A track without points has its mark at NaN, which is not drawn.
     let last = |(x, y): &(Vec<f64>, Vec<f64>)| (x.last().copied(), y.last().copied());
     let ends: Vec<([f64; 1], [f64; 1])> =
         lines.iter().map(last).map(|(x, y)| ([x.unwrap_or(f64::NAN)], [y.unwrap_or(f64::NAN)])).collect();
@@ -61,6 +64,7 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
         x: Axis { title: "x, forward (m)", range: Some(centred(x0, x1, width)), ticks: 6, ..Axis::default() },
         y: Axis { title: "y, left (m)", range: Some(centred(y0, y1, height)), ticks: 6, ..Axis::default() },
         series: drawn.chain(marks(true)).chain(marks(false)).collect(),
+        // Thinned above already, with the end as one more.
         points: POINTS + 1,
     };
     let mut figure = Figure::new(title, frame.right + 10.0, frame.bottom + 40.0);

@@ -42,6 +42,8 @@ impl Plot<'_> {
             let (low, high) = axis.range.or_else(|| scale::extent(values()))?;
             // Values of zero or less have no logarithm: the axis is linear then.
             if axis.log && low > 0.0 {
+                // 5 % of room as a factor: on a logarithmic axis a sum would be more at one end than at the other.
+                // A range that was given is kept.
                 let room = if axis.range.is_some() { 1.0 } else { 1.05 };
                 return Some(Scale::log(low / room, high * room, from, to));
             }
@@ -49,6 +51,7 @@ impl Plot<'_> {
         };
         Some(Axes {
             x: scale(&self.x, 0, frame.left, frame.right)?,
+            // SVG counts y downwards.
             y: scale(&self.y, 1, frame.bottom, frame.top)?,
             frame,
             titles: [self.x.title, self.y.title],

@@ -36,6 +36,7 @@ impl Scale {
     pub fn linear(domain: Option<(f64, f64)>, from: f64, to: f64) -> Scale {
         let (low, high) = domain.unwrap_or((0.0, 1.0));
         let (mut low, mut high) = (low.clamp(-LARGEST, LARGEST), high.clamp(-LARGEST, LARGEST));
+        // An interval of a few thousand rounding errors of f64 has no inside worth drawing.
         if high - low <= 1e-12 * low.abs().max(high.abs()) || high <= low {
             let pad = if low == 0.0 { 1.0 } else { 0.05 * low.abs() };
             (low, high) = (low - pad, high + pad);
@@ -46,6 +47,7 @@ impl Scale {
     /// A logarithmic scale over positive values.
     pub fn log(low: f64, high: f64, from: f64, to: f64) -> Scale {
         let low = low.clamp(1.0 / LARGEST, LARGEST);
+        // An axis of length zero would divide by zero in `at`.
         let high = high.clamp(low * 1.2, LARGEST * 1.2);
         Scale { low, high, from, to, log: true }
     }
@@ -96,11 +98,13 @@ impl Scale {
         let first = (self.low / step - 1e-9).ceil();
         // Ticks count from `first`; far from zero and close together they would round to one another.
         let count = ((self.high / step + 1e-9).floor() - first).clamp(0.0, 4.0 * wanted as f64) as usize;
+        // As many as the step has, so that all labels of an axis align.
         let decimals = (-step.log10().floor()).max(0.0) as usize;
         let largest = self.low.abs().max(self.high.abs());
         (0..=count)
             .map(|i| {
                 let value = (first + i as f64) * step;
+                // Longer labels do not fit beside the axis. A value that is 0 but for rounding is written as 0.
                 let label = if decimals > 4 || largest >= 1e6 {
                     format::round_number(if value.abs() < step * 1e-6 { 0.0 } else { value })
                 } else {
@@ -117,10 +121,13 @@ impl Scale {
         const SETS: [&[f64]; 4] =
             [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], &[1.0, 2.0, 5.0], &[1.0, 3.0], &[1.0]];
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
+        // Two more than asked for do no harm, and a richer set reads better.
         let max = wanted.max(1) + 2;
         let inside = |multiples: &[f64]| -> Vec<f64> {
+            // Whole powers of ten around the axis; the filter below cuts what lies outside.
             (first..=last)
                 .flat_map(|e| multiples.iter().map(move |m| m * 10_f64.powi(e)))
+                // A tick at the end of the axis may differ from it by rounding.
                 .filter(|x| (self.low * 0.999..=self.high * 1.001).contains(x))
                 .collect()
         };

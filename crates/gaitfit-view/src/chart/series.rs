@@ -92,6 +92,7 @@ impl Series<'_> {
     /// Values that the x axis (`axis` 0) or the y axis (1) has to hold.
     pub(super) fn values(&self, axis: usize) -> Vec<f64> {
         let both = |x: &[f64], y: &[f64]| -> Vec<f64> {
+            // Only points that are drawn may stretch the axes.
             let finite = x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite());
             finite.map(|(x, y)| if axis == 0 { *x } else { *y }).collect()
         };
@@ -149,6 +150,7 @@ fn fits(scale: &Scale, value: f64) -> bool {
 
 fn line(svg: &mut String, axes: &Axes, (name, look): (&str, Look), (x, y): (&[f64], &[f64]), points: usize) {
     let y = &y[..y.len().min(x.len())];
+    // Thinned before the test, so that gaps keep an index and break the line.
     let d = path::line(path::thin(y, points).into_iter().map(|i| {
         let inside = fits(&axes.x, x[i]) && fits(&axes.y, y[i]);
         if inside { (axes.x.at(x[i]), axes.y.at(y[i])) } else { (f64::NAN, f64::NAN) }
@@ -165,6 +167,7 @@ fn corners_of(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let (mut along, mut values) = (Vec::new(), Vec::new());
     let count = x.len().min(y.len());
     for i in 0..count {
+        // NaN differs from itself, so a gap keeps all of its samples and stays a gap.
         let changed = i == 0 || y[i] != y[i - 1];
         if changed && i > 0 {
             along.push(x[i]);
@@ -180,6 +183,7 @@ fn corners_of(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
 
 /// The outline of a histogram from the base line and back to it.
 fn stairs(axes: &Axes, edges: &[f64], heights: &[f64]) -> String {
+    // A logarithmic axis has no zero, so bars stand on its lower end.
     let base = coordinate(axes.y.at(if axes.y.is_log() { axes.y.domain().0 } else { 0.0 }));
     let mut d = format!("M{} {base}", coordinate(axes.x.at(edges[0])));
     for (height, end) in heights.iter().zip(&edges[1..]) {
@@ -216,6 +220,7 @@ fn boxes(svg: &mut String, axes: &Axes, look: Look, corners: &[Corners]) {
     let ends = |scale: &Scale, (low, high): (f64, f64)| {
         let (first, last) = scale.domain();
         let at = |end: f64| scale.at(end.clamp(first, last));
+        // A box beside the axes is left out. Clamped, it would be a line at their edge.
         let known = !low.is_nan() && !high.is_nan() && low <= last && high >= first;
         known.then(|| (at(low), at(high)))
     };
@@ -235,6 +240,7 @@ fn boxes(svg: &mut String, axes: &Axes, look: Look, corners: &[Corners]) {
 fn rule(svg: &mut String, axes: &Axes, look: Look, at: f64, upright: bool) {
     let scale = if upright { &axes.x } else { &axes.y };
     let (low, high) = scale.domain();
+    // A limit beyond the axis is not drawn. At the edge it would look as if it were there.
     if !(low..=high).contains(&at) {
         return;
     }

@@ -34,6 +34,7 @@ pub(crate) fn build(drift: &[Drift]) -> Option<DriftTable> {
     let shown = &drift[..drift.len().min(MAX_TRIALS)];
     let rows = shown.iter().enumerate().map(|(i, d)| Row {
         name: clean(&d.name),
+        // As many as there are colours (`Look::color`); the table and the picture agree.
         color: i % 8,
         trials: d.trials,
         falls: d.falls,

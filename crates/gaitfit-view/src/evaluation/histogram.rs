@@ -16,6 +16,7 @@ pub(super) fn histogram(
     mean: f64,
     limit: Option<f64>,
 ) -> Option<String> {
+    // Edges that are not ascending would draw bars over each other.
     let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.iter().all(|e| e.is_finite());
     if counts.is_empty() || counts.len() > BINS || edges.len() != counts.len() + 1 || !ascending {
         return None;
@@ -27,6 +28,7 @@ pub(super) fn histogram(
     let (low, high) = (edges[0], edges[edges.len() - 1]);
     // A limit far away would squeeze the rest.
     let limit = limit.filter(|l| *l > low && *l < high + 2.0 * (high - low));
+    // A pale area and its outline: the outline stays visible behind the lines of mean and limit.
     let outline = |look, filled| Series::Stairs { look, edges, heights: &shares, filled };
     let mut series = vec![outline(Look::AREA, true), outline(Look::FITTED, false)];
     series.push(Series::Rule { look: Look::MEAN, at: mean, upright: true });
@@ -36,6 +38,7 @@ pub(super) fn histogram(
         x: Axis { title: x_title, range: Some((low, end)), ticks: 6, ..Axis::default() },
         y: Axis {
             title: "% of trajectories",
+            // A little room above the highest bar.
             range: Some((0.0, highest * 1.05)),
             ticks: 3,
             ..Axis::default()
@@ -53,13 +56,17 @@ impl Histogram {
         let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let Some(low) = sorted.first().copied() else { return Histogram::default() };
+        // A count of bins comes from callers. Zero would divide by zero, and more than the pixels of the chart do
+        // not show.
         let bins = bins.clamp(1, 1000);
         // The last bin below takes what lies beyond.
         let high = sorted[(sorted.len() - 1) * 199 / 200];
+        // Samples that are all equal get an interval with an inside.
         let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
         let width = (high - low) / bins as f64;
         let mut counts = vec![0; bins];
         for x in &sorted {
+            // `Scale` cuts numbers beyond ±1e150, so a sample can lie below `low`.
             let bin = ((x - low) / width).max(0.0) as usize;
             counts[bin.min(bins - 1)] += 1;
         }

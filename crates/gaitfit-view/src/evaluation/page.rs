@@ -135,6 +135,7 @@ fn row(measure: &Measure) -> Row {
         ci95,
         unit: clean(&measure.unit),
         limit: limit.map_or(UNKNOWN.into(), round_number),
+        // An unknown mean neither keeps nor breaks its limit.
         kept: limit.filter(|_| measure.mean.is_finite()).map(|l| measure.mean <= l),
     }
 }
@@ -147,6 +148,7 @@ fn ground(row: &Ground) -> GroundRow {
         difficulty: clean(&row.difficulty),
         robots: row.robots,
         crossed: percent(row.crossed),
+        // The number goes into a style, so it must be one.
         bar: fixed(if row.crossed.is_finite() { (100.0 * row.crossed).clamp(0.0, 100.0) } else { 0.0 }, 0),
         falls: percent(row.falls),
         speed: fixed(row.speed, 2),
@@ -154,6 +156,7 @@ fn ground(row: &Ground) -> GroundRow {
 }
 
 fn card(measure: &Measure) -> Option<Card> {
+    // Rates have no distribution over trajectories, so they get no card.
     let data = measure.histogram.as_ref()?;
     let name = clean(&measure.name);
     let unit = if measure.unit.is_empty() { String::new() } else { format!(" ({})", clean(&measure.unit)) };

@@ -15,8 +15,10 @@ const AXES: [&str; 3] = ["forward (m/s)", "left (m/s)", "turn (rad/s)"];
 /// Three views of the commands, two of them against one another in each: cells without any are marked. `None`
 /// without commands or a range to see them in.
 pub(super) fn picture(log: &LogSummary) -> Option<String> {
+    // A command that is not known in all three parts has no place in two of the views.
     let finite = |command: &&[f64; 3]| command.iter().all(|x| x.is_finite());
     let seen: Vec<&[f64; 3]> = log.commands.iter().filter(finite).collect();
+    // An axis of no length has no cells.
     let ranged = log.command_range.iter().all(|[a, b]| a.is_finite() && b.is_finite() && a < b);
     if seen.is_empty() || !ranged {
         return None;
@@ -86,6 +88,7 @@ fn points(log: &LogSummary, seen: &[&[f64; 3]], (x, y): (usize, usize)) -> (Vec<
         let margin = MARGIN * (high - low);
         value.clamp(low - margin, high + margin)
     };
+    // Every nth command. `seen` is not empty here (see `picture`), so the step is not 0.
     let kept = seen.iter().step_by(seen.len().div_ceil(POINTS));
     kept.map(|command| (held(x, command[x]), held(y, command[y]))).unzip()
 }

@@ -19,18 +19,22 @@ const STRETCH: f64 = 0.4;
 /// The chart; its axis holds the first curve that is there, and of the others what lies near. `None` without any.
 pub(super) fn cumulative(title: &str, x_title: &str, curves: &[Quantiles]) -> Option<String> {
     let ends = |q: &Quantiles| {
+        // Quantiles are sorted, so the tails are the first and the last of them.
         let cut = (TAIL * q.values.len() as f64) as usize;
         extent(q.values.iter().copied().skip(cut).take(q.values.len().saturating_sub(2 * cut)))
     };
     let (low, high) = curves.iter().find_map(ends)?;
+    // A joint that stands still has a curve of no length, and the others must still get some room.
     let reach = STRETCH * (high - low).max(1e-9);
     let (from, to) = curves.iter().filter_map(ends).fold((low, high), |(a, b), (low_end, high_end)| {
+        // Each end moves outwards to the farthest curve, but at most by `reach`.
         (a.min(low_end.max(low - reach)), b.max(high_end.min(high + reach)))
     });
     let points: Vec<(Vec<f64>, Vec<f64>)> = curves
         .iter()
         .map(|curve| {
             let last = curve.values.len().saturating_sub(1);
+            // One value makes no curve, and it would divide by zero below.
             let count = if last == 0 { 0 } else { POINTS.min(last + 1) };
             (0..count)
                 .map(|i| {
@@ -51,6 +55,7 @@ pub(super) fn cumulative(title: &str, x_title: &str, curves: &[Quantiles]) -> Op
             .zip(&points)
             .map(|(curve, (x, y))| Series::Line { name: curve.label, look: curve.look, x, y })
             .collect(),
+        // More than the curves have, so that they are not thinned a second time.
         points: 2 * POINTS,
     };
     plot.figure(title, 300.0, 180.0).map(|figure| figure.inline())

@@ -70,11 +70,13 @@ struct Cell {
 
 /// The gain that is worth a sentence.
 pub(crate) fn gain(held: &HeldOut) -> Option<f64> {
+    // Less than a tenth is not worth a sentence. Beyond 1e9 the fitted distance is 0 but for rounding.
     held.gain.filter(|gain| (1.1..1e9).contains(gain))
 }
 
 /// A gain as a sentence.
 pub(crate) fn gain_text(gain: f64, motion: &str) -> String {
+    // Two significant digits are enough for a sentence.
     let digits = if gain < 10.0 { 1 } else { 0 };
     format!("Predicts {motion} that were not fitted {gain:.digits$} times better than the robot file")
 }
@@ -101,6 +103,7 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
         let mut row = Vec::new();
         for (signal, _) in &known {
             let mut three = cells(joint, *signal);
+            // The page draws a line there between the signals.
             three[0].first = true;
             row.extend(three);
         }

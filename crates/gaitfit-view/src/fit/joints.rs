@@ -29,6 +29,7 @@ struct TraceCard {
 
 pub(super) fn build(joints: &[JointTrace]) -> Traces {
     let shown = &joints[..joints.len().min(MAX_JOINTS)];
+    // Fewer than 60 points hide the motion. More than 400 do not show in a chart of 420 units.
     let points = (POINT_BUDGET / (LINES_A_JOINT * shown.len().max(1))).clamp(60, 400);
     let mut cards: Vec<(f64, TraceCard)> = shown.iter().filter_map(|t| card(t, points)).collect();
     // The close look opens on the joint that is fitted worst.
@@ -43,6 +44,8 @@ pub(super) fn build(joints: &[JointTrace]) -> Traces {
 
 /// The joint's card with its fitted RMSE; `None` when there is nothing to draw.
 fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
+    // Small charts for all joints, and a large one of the worst moment, in which the nominal error would hide the
+    // fitted one.
     let whole = traces::Size { width: 420.0, height: 276.0, residual: 66.0, nominal_residual: true, points };
     let close = traces::Size { width: 960.0, height: 400.0, residual: 90.0, nominal_residual: false, points };
     let rmse = |simulated: &[f64]| root_mean_square(&traces::residual(simulated, &trace.measured));
@@ -62,5 +65,6 @@ fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
 /// NaN without any finite value.
 pub(crate) fn root_mean_square(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|x| x.is_finite());
+    // Without any value it is 0/0, which is NaN.
     (finite().map(|x| x * x).sum::<f64>() / finite().count() as f64).sqrt()
 }

@@ -78,6 +78,7 @@ impl Page {
 fn all_doubts(report: &FitReport) -> Vec<Doubt> {
     let mut doubts = report.doubts.clone();
     let known = doubts.iter().any(|doubt| doubt.kind == DoubtKind::WorseThanNominal);
+    // The caller's own words win: it knows more than the numbers of the page.
     if !known && let Some(text) = scores::worse_than_nominal(report) {
         doubts.push(Doubt::new(DoubtKind::WorseThanNominal, text));
     }

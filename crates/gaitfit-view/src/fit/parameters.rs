@@ -133,8 +133,10 @@ fn entry(parameter: &Parameter) -> Entry {
         value: parameter.value,
         // The interval is the box behind the dot.
         spread: f64::NAN,
+        // Each run is a stroke of the picture; more of them would be one block.
         runs: parameter.per_run.iter().copied().take(100).collect(),
         look: match parameter.at_bound {
+            // First: what the logs do not determine may rest anywhere, at a bound too.
             _ if is_open => Look::OPEN,
             Some(_) => Look::HIT,
             None => Look::FIRST,
@@ -187,6 +189,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
         notes.push("truth outside the interval");
     }
     if let Some(range) = &parameter.published
+        // Comparisons with NaN are false, so an unknown value or end gives no note.
         && (parameter.value < range.lower || parameter.value > range.upper)
     {
         notes.push("outside the published range");
@@ -219,6 +222,7 @@ pub(crate) fn group(entries: Vec<Entry>) -> Vec<Group> {
     }
     let draw = |entries: Vec<Entry>| {
         let rows: Vec<Row> = entries.iter().map(|e| e.row.clone()).collect();
+        // Lengths compare only on one axis, and only within a unit.
         let scale = intervals::shared_scale(&rows);
         let unit = entries[0].unit.clone();
         let picture = |e: Entry| Picture {
@@ -242,6 +246,7 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     let drawn = entries
         .iter()
         .map(|e| {
+            // The first fit above the second, in the colours of the two columns.
             let marks =
                 vec![mark(e.first, e.first_half, Look::FIRST), mark(e.second, e.second_half, Look::SECOND)];
             let text = match e.agrees {

@@ -51,6 +51,7 @@ pub(super) fn build(runs: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
         .enumerate()
         .map(|(i, run)| RunRow {
             label: clean(&run.label),
+            // As `Look::color` counts.
             color: i % 8,
             best: significant(run.best_cost, 5),
             generations: run.best.len(),
@@ -75,8 +76,10 @@ fn chart<'a>(
 ) -> Option<String> {
     let plot = Plot {
         x: Axis { title: "generation", ticks: 6, ..Axis::default() },
+        // Costs fall by powers of ten. The pad is for costs that reach 0, for which the axis is linear.
         y: Axis { title: y_title, log: true, pad: 0.04, ..Axis::default() },
         series: lines.map(|(name, y, look)| Series::Line { name, look, x, y }).collect(),
+        // As wide as the chart.
         points: 480,
     };
     plot.figure(title, 480.0, 275.0).map(|figure| figure.inline())

@@ -55,6 +55,7 @@ enum Yardstick {
 
 impl Yardstick {
     fn of_report(report: &FitReport) -> Yardstick {
+        // Only a number that both have can be compared.
         let known = |yardstick: Yardstick| {
             [Who::Fitted, Who::Nominal].iter().all(|who| yardstick.value(report, *who).is_finite())
         };
@@ -116,6 +117,7 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
     ];
     measured.into_iter().find_map(|(yardstick, what, unit)| {
         let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
+        // A fit whose simulation diverged has a doubt of its own.
         (fitted > nominal && fitted.is_finite()).then(|| {
             format!(
                 "The {what} is {}{unit} after the fit and {}{unit} before it. Do not use this fit.",
@@ -130,6 +132,7 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
 pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     let yardstick = Yardstick::of_report(report);
     let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
+    // The first fit is the result; others are beside it for comparison.
     let first = report.fits.first();
     let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
     let cost_heading = format!("{cost_name} cost").trim_start().to_string();
@@ -251,6 +254,7 @@ fn descending(a: f64, b: f64) -> std::cmp::Ordering {
 
 /// Compares `ours` with `theirs` in words, without a sign to misread.
 fn verdict(ours: f64, theirs: f64, what: &str) -> Option<Verdict> {
+    // There is no share of zero or of an unknown number.
     if !(ours.is_finite() && theirs.is_finite() && theirs > 0.0) {
         return None;
     }

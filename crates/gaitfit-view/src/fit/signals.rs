@@ -79,6 +79,8 @@ fn quantiles(samples: &[f64]) -> Vec<f64> {
     sorted.sort_by(f64::total_cmp);
     let Some(last) = sorted.len().checked_sub(1) else { return Vec::new() };
     let at = |i: usize| {
+        // The first quantile is the smallest sample and the last one the largest. Between them ranks are
+        // interpolated.
         let exact = i as f64 / STEPS as f64 * last as f64;
         let below = (exact as usize).min(last);
         let share = exact - below as f64;

@@ -29,6 +29,7 @@ pub(crate) fn residual(simulated: &[f64], measured: &[f64]) -> Vec<f64> {
 /// Samples of `seconds` around the worst fitted residual; all of them if the log is shorter.
 pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
     let count = trace.time_s.len();
+    // The moment in which the fitted simulator is farthest from the robot shows best what it lacks.
     let missed = residual(&trace.fitted, &trace.measured);
     let finite = missed.iter().enumerate().filter(|(i, r)| *i < count && r.is_finite());
     let Some((worst, _)) = finite.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())) else {
@@ -61,6 +62,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let (left, right) = (54.0, size.width - 8.0);
     let residual_bottom = size.height - 36.0;
     let residual_top = residual_bottom - size.residual;
+    // A number of seconds is less than 70 units wide.
     let x_ticks = (size.width / 70.0) as usize;
     let simulated = !fitted.is_empty() || !nominal.is_empty();
     let time_axis = |ticks| Axis { title: "time (s)", range: Some(times), ticks, ..Axis::default() };

@@ -54,6 +54,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     // Rows are counted upwards from the axis.
     let height = |row: usize| {
         let middle = (feet.len() - row) as f64 - 0.5;
+        // Three quarters of the row's height; the rest separates the feet.
         (middle - 0.38, middle + 0.38)
     };
     // A pale track under each row; infinite ends are cut at the axes.
@@ -80,6 +81,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     figure.plot(&plot, area);
     for (row, foot) in feet.iter().enumerate() {
         let base = area.top + ROW * row as f64 + 12.0;
+        // The room beside the axis is 50 units wide, and a letter about 6.
         let name: String = foot.name.chars().take(8).collect();
         figure.text(LEFT - 6.0, base, Anchor::End, &name);
         let count = foot.contact.len().min(gait.time_s.len());
@@ -147,6 +149,7 @@ fn heights(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64)
 
 fn velocities(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64) -> f64 {
     let named = ["forward (m/s)", "left (m/s)", "turn (rad/s)"];
+    // Command and measurement share a panel, so its axis must hold both.
     let hull = |t: &super::VelocityTrack| extent(t.measured.iter().chain(&t.command).copied());
     let tracks: Vec<_> = gait.velocity.iter().zip(named).filter(|(t, _)| hull(t).is_some()).collect();
     let mut y = top;
@@ -174,6 +177,7 @@ fn velocities(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f
             points: 2 * POINTS,
         };
         figure.plot(&plot, frame(y + 22.0, 66.0));
+        // All panels have the same two lines, so one legend is enough.
         if i == 0 {
             figure.legend(LEGEND, y + 12.0, RIGHT, &[("command", Look::NOMINAL), ("measured", Look::FITTED)]);
         }
@@ -205,6 +209,7 @@ fn spectra(figure: &mut Figure, spectra: &[TorqueSpectrum], top: f64) -> f64 {
         x: Axis { title: "frequency (Hz)", range: Some(range), log: true, ticks: 9, ..Axis::default() },
         y: Axis {
             title: "joint torque ((N·m)²/Hz)",
+            // Room above the peak; on a logarithmic axis it is a factor.
             range: Some((low, high * 1.3)),
             log: true,
             ..Axis::default()

@@ -85,6 +85,7 @@ fn cells(trial: Option<&Drift>) -> [Cell; 3] {
 /// Mean distance from where the command leads, m, and mean absolute yaw error, rad, over the trials that have both.
 pub(super) fn summary(set: &DriftTrials) -> (f64, f64) {
     let known = || set.trials.iter().map(|t| t.error).filter(|e| e.iter().all(|x| x.is_finite()));
+    // Without any known trial both means are 0/0, which pages show as unknown.
     let count = known().count() as f64;
     let distance = known().map(|e| e[0].hypot(e[1])).sum::<f64>() / count;
     // Absolute values: turns to the left and to the right must not cancel.
@@ -108,11 +109,13 @@ fn column(set: &DriftTrials, cast: &Cast) -> Column {
 fn picture(sets: &[&DriftTrials], commands: &[&str], cast: &Cast) -> Option<String> {
     let intended = commands.iter().filter_map(|command| {
         let points = sets.iter().filter_map(|s| find(s, command)).map(|t| &t.intended);
+        // The command leads all policies to the same place, so one of them is enough.
         let points = points.into_iter().find(|points| !points.is_empty())?;
         Some(Track { points, look: Look::TARGET.dashed(), radius: 6.0, ring: true })
     });
     let gone = sets.iter().flat_map(|set| {
         let color = cast.color(&set.policy);
+        // Only the commands of the table: paths without a row could not be read.
         let shown = commands.iter().filter_map(|command| find(set, command));
         shown.map(move |trial| Track {
             points: &trial.path,

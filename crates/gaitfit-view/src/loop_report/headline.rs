@@ -40,6 +40,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
         |policy: &str| report.tracking.iter().find(|t| t.policy == policy && t.simulator == cast.target);
     let drifted = |policy: &str| {
         let set = report.drift.iter().find(|d| d.policy == policy && d.simulator == cast.target)?;
+        // The mean over commands has no interval: the commands were chosen, not drawn.
         Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })
     };
     // A loop with one policy has nothing to compare: only its own numbers show.
@@ -50,6 +51,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
     let difference = report.differences.iter().find(pair);
     let errors = COLUMNS.iter().filter(|q| q.is_error).map(|q| {
         let measured = |policy| tracked(policy).map(q.of);
+        // Differences on the same trajectories vary much less than the two means do.
         let apart = difference.map(|difference| (q.difference)(difference).ci95);
         number(q.name, q.unit, measured(cast.before).filter(|_| is_pair), measured(cast.after), apart)
     });
@@ -95,12 +97,14 @@ fn number(
 /// difference: half-width `paired` where both means are of the same trajectories, √(c₁² + c₂²) for independent means with
 /// half-widths c₁ and c₂.
 fn change(before: Estimate, after: Estimate, paired: Option<f64>) -> Option<Change> {
+    // An unknown interval counts as none.
     let known = |x: f64| if x.is_finite() { x } else { 0.0 };
     let apart = after.mean - before.mean;
     let half = paired.filter(|half| half.is_finite());
     if apart.abs() <= half.unwrap_or_else(|| known(before.ci95).hypot(known(after.ci95))) {
         return Some(Change { text: "no difference outside the 95 % intervals".into(), class: "soft" });
     }
+    // There is no share of zero.
     if before.mean <= 0.0 {
         return None;
     }

@@ -5,6 +5,7 @@ const DIGITS: std::ops::RangeInclusive<char> = '₀'..='₉';
 /// A text for readers with plain names: π₀ is `before`, `after` (as results name it, such as π₂) is `after`, and others are
 /// `after round 1` and so on.
 pub fn plain(page: &str, after: &str) -> String {
+    // A policy of another name, such as `fine-tuned`, has no number; then no π is the last one.
     let last = number(after.strip_prefix('π').unwrap_or_default()).map(|(number, _)| number);
     let mut parts = page.split('π');
     let mut text = String::with_capacity(page.len());
@@ -23,6 +24,7 @@ pub fn plain(page: &str, after: &str) -> String {
 
 /// The number that a text begins with in subscript digits, and what follows it.
 fn number(text: &str) -> Option<(u32, &str)> {
+    // The digits are three bytes each in UTF-8, so the cut is made by letters.
     let rest = text.trim_start_matches(|letter| DIGITS.contains(&letter));
     let digits = &text[..text.len() - rest.len()];
     let value =

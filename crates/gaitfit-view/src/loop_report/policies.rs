@@ -41,6 +41,7 @@ impl<'a> Cast<'a> {
 
     /// Number of the policy's colour: 0 before, 1 after, the others from 2.
     pub fn color(&self, policy: &str) -> usize {
+        // Fixed colours, so that before and after look the same in all charts of the page.
         if policy == self.before {
             return 0;
         }

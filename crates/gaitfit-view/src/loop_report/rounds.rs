@@ -55,10 +55,12 @@ fn line(round: &Round, index: usize) -> RoundLine {
     let log = round.log.as_ref();
     let cost = |value: fn(&Fit) -> f64| significant(fit.map_or(f64::NAN, value), 4);
     let judged = || fit.iter().flat_map(|f| &f.parameters).filter_map(|p| p.identified);
+    // Runs stop at different generations; the longest one shows what the search took.
     let generations = fit.iter().flat_map(|f| &f.runs).map(|r| r.best.len().max(r.mean.len())).max();
     RoundLine {
         name: title(round, index),
         log: log.map_or(UNKNOWN.into(), |l| {
+            // The number of trajectories and their mean length.
             format!("{} × {}", grouped(l.trajectories), duration(l.seconds / l.trajectories.max(1) as f64))
         }),
         falls: log.map_or(UNKNOWN.into(), |l| l.falls.to_string()),

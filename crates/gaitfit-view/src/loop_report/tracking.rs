@@ -124,6 +124,7 @@ fn differences(report: &LoopReport) -> Vec<DifferenceRow> {
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
     let shown = &report.tracking[..report.tracking.len().min(MAX_ROWS)];
+    // A measure that no policy has would be an empty chart and an empty column.
     let known: Vec<&Column> =
         COLUMNS.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
     if known.is_empty() {
@@ -145,6 +146,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
         headings: known.iter().map(heading).collect(),
         left_out: report.tracking.len() - shown.len(),
         differences: differences(report),
+        // The same filter as for the cells of `differences`, so that headings and cells agree.
         compared: COLUMNS.iter().filter(|q| q.is_error).map(|q| heading(&q)).collect(),
     })
 }

@@ -20,6 +20,7 @@ pub(crate) struct ShownDoubt {
 pub(crate) fn doubts(list: &[Doubt]) -> Vec<ShownDoubt> {
     let mut sorted: Vec<&Doubt> = list.iter().collect();
     sorted.sort_by_key(|doubt| doubt.kind);
+    // After sorting, so that the least serious ones are cut.
     sorted.truncate(MAX_DOUBTS);
     let shown = |doubt: &Doubt| ShownDoubt {
         headline: doubt.kind.headline(),

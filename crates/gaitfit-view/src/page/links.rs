@@ -29,9 +29,11 @@ fn beside(path: &str) -> Option<String> {
     let (file, fragment) = path.split_once('#').map_or((path, None), |(f, t)| (f, Some(t)));
     // Paths come from results that others made: a link must not lead out of the folder of the page.
     let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
+    // A colon could begin a scheme such as `javascript:`, and browsers take a backslash for a slash.
     let is_beside = path.len() < 1000 && file.split('/').all(plain) && !file.contains(['\\', ':']);
     let encoded = |text: &str, kept: &[u8]| {
         text.bytes().fold(String::new(), |mut out, b| {
+            // The unreserved characters of URLs (RFC 3986, section 2.3); all others are written by their bytes.
             if b.is_ascii_alphanumeric() || b"-._~".contains(&b) || kept.contains(&b) {
                 out.push(char::from(b));
             } else {

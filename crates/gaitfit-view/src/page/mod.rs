@@ -25,6 +25,7 @@ fn filled_in(template: &str, page: impl Serialize) -> Result<String, minijinja::
     let mut environment = Environment::new();
     // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    // A name that a template has and the data lacks is an error here, and not an empty place on the page.
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.add_global("style", format!("{STYLE}{}", include_str!("style.css")));
     environment.add_global("script", include_str!("script.js"));

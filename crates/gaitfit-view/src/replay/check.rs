@@ -35,6 +35,7 @@ fn tree(robot: &ReplayRobot) -> Result<(), String> {
     if robot.bodies.is_empty() {
         return Err("has no bodies; the first body is the base".to_string());
     }
+    // Meshes have a limit of their own, because many triangles belong to one geom.
     let simple = robot.geoms.iter().filter(|geom| !matches!(geom.shape, Shape::Mesh { .. })).count();
     for (what, count) in [
         ("bodies", robot.bodies.len()),
@@ -117,6 +118,7 @@ fn frames(robot: &ReplayRobot) -> Result<(), String> {
     if count == 0 || count > FRAMES {
         return Err(format!("has {count} frames; a page holds 1 to {FRAMES}"));
     }
+    // There is a first frame: a count of 0 is refused above.
     let joints = robot.frames[0].joints.len();
     // Saturating: the largest index fails the check below instead of overflowing.
     let wanted =
@@ -144,6 +146,7 @@ fn ground(robot: &ReplayRobot) -> Result<(), String> {
     let count = ground.heights.len();
     if ground.columns < 2
         || !count.is_multiple_of(ground.columns)
+        // A surface needs two rows of two heights. `columns` is at least 2 here, so nothing divides by zero.
         || count / ground.columns < 2
         || count > HEIGHTS
     {

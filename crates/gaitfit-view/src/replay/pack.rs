@@ -161,6 +161,7 @@ fn coded(values: &[f64], codes: &mut Vec<u8>) -> (f64, f64) {
     // Half the range stays finite, and so do the codes.
     let (low, high) = (low.max(-1e30), high.min(1e30));
     let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    // A constant channel has the code 0 everywhere.
     let scale = if half > 0.0 { half / LARGEST } else { 1.0 };
     codes.extend(values.iter().flat_map(|x| (((x - middle) / scale).round() as i16).to_le_bytes()));
     (middle, scale)
@@ -197,6 +198,7 @@ fn mesh(mesh: &Mesh) -> PackedMesh {
 fn geom(geom: &Geom, meshes: &[usize]) -> PackedGeom {
     let (shape, size) = match geom.shape {
         Shape::Box { half } => ("box", half),
+        // All shapes have three factors: the script scales a shape of unit size by them.
         Shape::Sphere { radius } => ("sphere", [radius; 3]),
         Shape::Cylinder { radius, half_length } => ("cylinder", [radius, radius, half_length]),
         Shape::Capsule { radius, half_length } => ("capsule", [radius, radius, half_length]),
@@ -220,6 +222,7 @@ fn geom(geom: &Geom, meshes: &[usize]) -> PackedGeom {
 /// The motion channel by channel, quaternions without jumps of sign so that frames can be blended.
 fn channels(frames: &[Frame], joints: usize) -> Vec<Vec<f64>> {
     let mut channels = vec![Vec::with_capacity(frames.len()); joints + 13];
+    // No rotation, until there is a quaternion that can be normalised.
     let mut last = [1.0, 0.0, 0.0, 0.0];
     for frame in frames {
         let q = &frame.base_quaternion;
@@ -247,6 +250,7 @@ fn channels(frames: &[Frame], joints: usize) -> Vec<Vec<f64>> {
 
 /// Replaces what is not finite by the last number that is, or the first to come, or zero.
 fn hold(channel: &mut [f64]) {
+    // A channel may begin with gaps; they get the first number that comes.
     let mut last = channel.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
     for x in channel {
         if x.is_finite() {

@@ -29,12 +29,14 @@ pub(crate) struct Player {
 impl Player {
     /// The player of a replay that can be drawn.
     pub fn new(replay: &Replay, embedded: bool) -> Result<Player, ReplayError> {
+        // Before packing, which relies on indices and lengths that fit together.
         check(replay)?;
         let json = serde_json::to_string(&pack(replay))?;
         Ok(Player {
             robots: replay.robots.iter().map(pane).collect(),
             data: within_script(&json),
             style: include_str!("replay.css"),
+            // In this order: later files use names of earlier ones.
             script: [
                 include_str!("maths.js"),
                 include_str!("motion.js"),

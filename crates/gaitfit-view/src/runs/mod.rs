@@ -217,6 +217,7 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
     for (name, unit) in names {
         let same =
             |fit: &Fit| fit.parameters.iter().find(|one| one.name == name && one.unit == unit).cloned();
+        // One place for each fit, so that a column of the table stays with its fit.
         let estimates: Vec<Option<Parameter>> = fits.iter().map(same).collect();
         let mark = |(number, one): (usize, &Option<Parameter>)| {
             let one = one.as_ref()?;
@@ -252,6 +253,7 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
 
 /// The name of the axis of a parameter: values of one kind and unit share it.
 fn axis(name: &str, unit: &str) -> String {
+    // Names are a kind and a joint or group, such as `armature_hip`.
     let kind = clean(name.split(['_', '.']).next().unwrap_or(name));
     if unit.is_empty() { kind } else { format!("{kind} ({})", clean(unit)) }
 }
@@ -259,6 +261,8 @@ fn axis(name: &str, unit: &str) -> String {
 /// Whether two of the fits' intervals do not overlap; `None` of fewer than two intervals.
 fn apart(estimates: &[Option<Parameter>]) -> Option<bool> {
     let intervals: Vec<[f64; 2]> = estimates.iter().flatten().filter_map(|one| one.interval).collect();
+    // Intervals on a line all share a point if and only if the largest lower end is not above the smallest upper
+    // end. Otherwise these two belong to intervals that are apart.
     let low = intervals.iter().map(|[low, _]| *low).fold(f64::NEG_INFINITY, f64::max);
     let high = intervals.iter().map(|[_, high]| *high).fold(f64::INFINITY, f64::min);
     (intervals.len() > 1).then_some(low > high)
@@ -281,6 +285,7 @@ impl Training {
 fn charts(trainings: &[Training]) -> Vec<Chart> {
     let mut names: Vec<(&str, &str)> = Vec::new();
     for curve in trainings.iter().flat_map(|training| &training.curves) {
+        // The unit of the first curve of a name stands at its axis.
         if names.len() < MAX_CHARTS && !names.iter().any(|(name, _)| *name == curve.name) {
             names.push((&curve.name, &curve.unit));
         }

@@ -68,6 +68,8 @@ struct Card {
 pub fn side_by_side_html(report: &SideBySide) -> Result<String, ReportError> {
     let (motion, problem) = Motion::new(Some(&report.replay));
     let shown = &report.traces[..report.traces.len().min(MAX_JOINTS)];
+    // More points than in a fit's page: each joint has one chart, and a reader looks at single samples beside the
+    // robot.
     let points = (POINT_BUDGET / (CURVES * shown.len().max(1))).clamp(120, 900);
     let has = |series: fn(&JointTrace) -> &Vec<f64>| report.traces.iter().any(|one| !series(one).is_empty());
     let page = Page {
@@ -90,9 +92,11 @@ pub fn side_by_side_html(report: &SideBySide) -> Result<String, ReportError> {
 }
 
 fn card(trace: &JointTrace, points: usize, aligned: bool) -> Option<Card> {
+    // With the nominal error: here both simulators are looked at, not only the fitted one.
     let size = traces::Size { width: 560.0, height: 300.0, residual: 66.0, nominal_residual: true, points };
     let error = |simulated: &[f64]| {
         let error = joints::root_mean_square(&traces::residual(simulated, &trace.measured));
+        // Walks drift apart, and a difference sample by sample would say nothing of them.
         if aligned && error.is_finite() { significant(error, 3) } else { String::new() }
     };
     Some(Card {

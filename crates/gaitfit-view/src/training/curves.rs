@@ -76,6 +76,7 @@ fn card(
     let mut series = Vec::new();
     let mean = mean(&tracks);
     if several {
+        // The band of all seeds lies below their lines, the mean above them.
         let area = Look::AREA.thin();
         series.push(Drawn::Band { look: area, x: &mean.x, low: &mean.low, high: &mean.high });
     }
@@ -87,15 +88,18 @@ fn card(
         series.push(Drawn::Line { name: "mean", look: Look::MEAN, x: &mean.x, y: &mean.y });
     }
     let plot = Plot {
+        // A number of iterations is less than 80 units wide.
         x: Axis { title: "iteration", ticks: (size.0 / 80.0) as usize, ..Axis::default() },
         y: Axis {
             title: &first.unit,
             log: first.log,
             pad: 0.04,
+            // 50 units of height for each number.
             ticks: (size.1 / 50.0) as usize,
             ..Axis::default()
         },
         series,
+        // One for each user unit, which is about a pixel.
         points: size.0 as usize,
     };
     let svg = plot.figure(&format!("{name} over iterations"), size.0, size.1)?.inline();
@@ -119,8 +123,10 @@ fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> Mean {
         .flat_map(|(_, _, x, y)| x.iter().copied().zip(y.iter().copied()))
         .filter(|(_, y)| y.is_finite())
         .collect();
+    // Values of one iteration become neighbours, whichever seeds have it.
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut mean = Mean { x: Vec::new(), y: Vec::new(), low: Vec::new(), high: Vec::new() };
+    // Iterations are whole numbers in f64, so equal ones compare as equal.
     for same in points.chunk_by(|a, b| a.0 == b.0) {
         let values = || same.iter().map(|(_, y)| *y);
         mean.x.push(same[0].0);

@@ -55,6 +55,7 @@ impl Page {
     pub fn new(report: &TrainingReport) -> Page {
         let seeds = &report.seeds[..report.seeds.len().min(MAX_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
+        // All seeds count in the means, also those that are not drawn.
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
         // A replay that cannot be drawn becomes a warning of a page that is otherwise whole.
         let (motion, problem) = Motion::new(report.replay.as_ref());
@@ -66,6 +67,7 @@ impl Page {
             doubts: page::doubts(&report.doubts),
             headline: headline(&results),
             rows,
+            // The mean of one seed would repeat its row.
             total: (results.len() > 1).then(|| mean_row(&results)),
             seeds_left_out: report.seeds.len() - seeds.len(),
             facts: page::facts(report.wall_seconds, &report.facts),
@@ -108,6 +110,7 @@ fn mean_row(results: &[&SeedResult]) -> Row {
         wall_seconds: mean(results, |r| r.wall_seconds),
         samples_per_second: mean(results, |r| r.samples_per_second),
     };
+    // Beyond the eight colours of the seeds: the style sheet has none for it.
     row("mean".into(), 8, &mean)
 }
 
@@ -141,11 +144,13 @@ fn percent(share: f64) -> String {
     if !share.is_finite() {
         return UNKNOWN.into();
     }
+    // Policies that rarely fall differ in the second decimal.
     let decimals = if share < 0.1 { 2 } else { 1 };
     format!("{}\u{a0}%", fixed(100.0 * share, decimals))
 }
 
 fn thousands(x: f64) -> String {
+    // From 10,000 samples a second on, the digits below a thousand are noise.
     if x.is_finite() && (1e4..1e9).contains(&x) {
         format!("{}\u{a0}k", round_number((x / 1e3).round()))
     } else {
@@ -156,6 +161,7 @@ fn thousands(x: f64) -> String {
 /// The configuration line by line, without what hides or a page cannot hold.
 fn configuration(text: &str) -> String {
     let kept: String = text.chars().take(MAX_CONFIGURATION).collect();
+    // Line by line, because `clean_prose` turns line breaks into spaces.
     let mut lines: Vec<String> = kept.lines().map(clean_prose).collect();
     if kept.len() < text.len() {
         lines.push("…".into());

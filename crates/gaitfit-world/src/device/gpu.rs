@@ -42,6 +42,7 @@ pub(super) fn check(scene: &Task, candidates: &[Candidate], learner: &Learner) -
 impl Device {
     /// The first GPU that a search has found, if driver, GPU and compiler are there, else the processor.
     pub fn among(search: &Found) -> Self {
+        // Without NVRTC no kernel can be compiled, even if driver and GPU are there.
         let usable = search.problems.is_empty() && search.nvrtc.is_some();
         search.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Found(gpu.ordinal))
     }
@@ -127,6 +128,7 @@ pub fn follow(
 /// # Errors
 /// A task that a GPU cannot do, or its failure.
 pub fn start_training<'a>(gpus: &[Gpu], training: &mut Training<'a>) -> Result<Trainer<'a>, Error> {
+    // From the learner, so that a training resumes with the precision that it began with.
     let precision = training.learner().settings().precision;
     Trainer::together(gpus, training, precision).map_err(rollout_error)
 }
@@ -147,6 +149,7 @@ pub fn cuda_error(error: &CudaError) -> Error {
 /// Why a training on a GPU cannot be, or stopped.
 pub fn rollout_error(error: RolloutError) -> Error {
     match error.cause() {
+        // The cause decides the kind; the message keeps which of several GPUs it was.
         RolloutError::Cuda(cause) if cause.is_missing() => Error::Missing(error.to_string()),
         RolloutError::Unsupported(_)
         | RolloutError::Trials(_)

@@ -45,6 +45,7 @@ impl FromStr for Device {
         match text.split_once(':') {
             None if text == "cpu" => Ok(Self::Cpu),
             None if text == "cuda" => Ok(Self::Cuda(0)),
+            // `auto` is resolved when it is read, so that all messages name the device that computes.
             None if text == "auto" => Ok(Self::found()),
             Some(("cuda", number)) => number.parse().map(Self::Cuda).map_err(|_| wrong()),
             _ => Err(wrong()),
@@ -153,6 +154,7 @@ impl Device {
         candidates: &[Candidate],
         learner: &Learner,
     ) -> Result<(Self, Option<String>), Error> {
+        // The processor trains every task, so nothing is checked.
         if self == Self::Cpu {
             return Ok((self, None));
         }

@@ -28,6 +28,7 @@ impl FromStr for Devices {
         };
         let mut devices = Vec::new();
         for number in numbers.split(',') {
+            // By the reader of one device, so that a list takes the same numbers.
             let device = format!("cuda:{number}").parse()?;
             if devices.contains(&device) {
                 return Err(format!("it names the GPU {number} twice: name each once, as in cuda:0,1"));
@@ -71,6 +72,7 @@ impl Devices {
     /// Several GPUs of a group train one seed together.
     pub fn groups(&self, seeds: usize) -> Vec<Self> {
         let groups = seeds.clamp(1, self.0.len().max(1));
+        // Groups of equal size: all seeds are then done at about the same time.
         let each = (self.0.len() / groups).max(1);
         // GPUs that do not fill a group stay idle.
         self.0.chunks_exact(each).take(groups).map(|group| Self(group.to_vec())).collect()
@@ -89,6 +91,7 @@ impl Devices {
             let some = Self(self.0.iter().copied().take(*count).collect()).in_groups(seeds);
             (some.groups(seeds).iter().all(|group| robots.is_multiple_of(group.0.len()))).then_some(some)
         };
+        // The most devices first. One device can share any number of robots.
         (1..=self.0.len()).rev().find_map(|count| even(&count)).unwrap_or_else(|| self.first().into())
     }
 
@@ -102,6 +105,7 @@ impl Devices {
     pub fn choose(asked: Option<Self>, last: Option<&str>) -> Self {
         let last = || {
             let last: Self = last?.parse().ok()?;
+            // `Found`, although it is named: where the GPU does not do the work, the processor may.
             let there = |device: &Device| match device.gpu() {
                 None => Some(Device::Cpu),
                 Some(number) => Device::Cuda(number).open().is_ok().then_some(Device::Found(number)),
@@ -113,6 +117,7 @@ impl Devices {
 
     /// Why the processor computes instead, if `auto` found these devices and they do not do what is asked.
     pub fn instead(&self, error: &Error) -> Option<String> {
+        // Who asked for a GPU gets an error and not the processor in silence.
         let automatic = self.0.iter().all(|device| matches!(device, Device::Found(_)));
         let reason = error.refusal().filter(|_| automatic)?;
         Some(format!("the CPU computes, not {self}: {reason}"))

@@ -210,6 +210,7 @@ const LOW_ORIGIN: f64 = 0.25;
 pub(super) fn height_above(model: &Model, frames: &[Frame], ground: f64) -> f64 {
     let anchor = |joint: &gaitfit_model::Joint| frames[joint.body].point(joint.pos)[2];
     let highest = model.joints.iter().map(anchor).fold(f64::NEG_INFINITY, f64::max);
+    // `ground` is negative where the base's origin is above it.
     if -ground < LOW_ORIGIN * (highest - ground) { highest - ground } else { -ground }
 }
 
@@ -305,6 +306,7 @@ fn gait(legs: &[Leg]) -> Vec<Vec<usize>> {
     let side = |left: bool| {
         let mut side: Vec<usize> =
             (0..legs.len()).filter(|&leg| (legs[leg].place[1] > 0.0) == left).collect();
+        // From front to hind.
         side.sort_by(|&a, &b| legs[b].place[0].total_cmp(&legs[a].place[0]));
         side
     };

@@ -137,6 +137,7 @@ impl Sight {
             let outlines = model.outlines.iter().filter(of_limb);
             outlines.filter(move |outline| outline.colliding == colliding).take(MAX_SHAPES)
         };
+        // The first reason is kept: the message names one file, not sixty.
         let mut missing: Option<String> = None;
         // Shapes that collide come first: the file means them to touch.
         for colliding in [true, false] {
@@ -201,6 +202,7 @@ impl Sight {
         let (body, _) = *self.points.iter().min_by(|(_, a), (_, b)| a[2].total_cmp(&b[2]))?;
         let points: Vec<Vec3> = self.points.iter().map(|(_, point)| *point).collect();
         let last = &model.joints[*limb.path.last()?];
+        // A joint without limits may be a wheel's. Its points decide below.
         let turns = last.kind.is_hinge() && last.range.is_none_or(|[low, high]| high - low > WHEEL_RANGE);
         // A box guessed from inertia shows nothing of a wheel's rim.
         if turns && !self.guess {
@@ -294,11 +296,13 @@ fn remove(model: &mut Model, geoms: &[usize]) {
 /// defaults. Its name is the link's with `end` behind it.
 fn add_geom(model: &mut Model, body: usize, frame: &Frame, fitted: &Fitted, end: &str) -> String {
     let link = &model.bodies[body].name;
+    // Exporters append `_link` to names of links; a foot's name needs no such ending.
     let stem = link.strip_suffix("_link").unwrap_or(link);
     let mut name = match stem.to_lowercase().ends_with(end) {
         true => stem.to_owned(),
         false => format!("{stem}_{end}"),
     };
+    // Names must be unique in the file that is written.
     while model.geoms.iter().any(|geom| geom.name == name) {
         name.push('_');
     }
@@ -325,6 +329,7 @@ fn usual_pair(ground: Ground) -> ContactPair {
         geom: 0,
         ground,
         condim: 3,
+        // Two sliding, one torsional, two rolling coefficients: MuJoCo's `friction` is "1 0.005 0.0001".
         friction: [1.0, 1.0, 0.005, 1e-4, 1e-4],
         solref: [0.02, 1.0],
         solreffriction: [0.0; 2],

@@ -238,6 +238,7 @@ impl<'a> Chooser<'a> {
             how.push_str(&format!("; slides: {SLIDE_STIFFNESS} m g / l = {slides:?} N/m"));
         }
         if let Some(ratio) = ratio.filter(|_| source == Source::Likely) {
+            // As a factor above 1 in both directions, with the word that says which.
             let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
             let than = if ratio > 1.0 { "stiffer" } else { "softer" };
             how.push_str(&format!(

@@ -47,6 +47,7 @@ impl Sole {
         // An upright rod is a shank.
         let lies = |line: &[(usize, [f64; 3]); 2]| {
             let [x, z] = span(line);
+            // Flatter than 45°.
             z.abs() < x.abs()
         };
         let longest = lines.into_iter().filter(lies).max_by(|a, b| length(a).total_cmp(&length(b)))?;

@@ -133,6 +133,7 @@ fn seen_from(folder: &Path, file: &Path) -> Option<String> {
     let (folder, file) = (folder.canonicalize().or_else(|_| absolute(&folder)).ok()?, absolute(file).ok()?);
     let file = file.parent()?.canonicalize().ok()?.join(file.file_name()?);
     let shared = folder.components().zip(file.components()).take_while(|(one, other)| one == other).count();
+    // Nothing in common, as on two drives: then only the whole path leads there.
     if shared == 0 {
         return Some(file.to_str()?.to_owned());
     }
@@ -172,6 +173,7 @@ fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
     }
     for (change, count) in grouped(&model.changed) {
         let more = if count > 1 { format!(" (and {} more like it)", count - 1) } else { String::new() };
+        // The floor is told apart: it is not a part of the robot.
         let what = if change.what.starts_with("floor") { "floor" } else { "mended" };
         say(what, format!("{}: {}{more}", change.what, change.how));
     }
@@ -185,6 +187,7 @@ fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
 fn grouped(changes: &[Changed]) -> Vec<(&Changed, usize)> {
     let kind = |change: &Changed| -> String {
         let text = format!("{} {}", change.what, change.how);
+        // Names stand in quotes, so every second part is outside of them.
         let outside: Vec<&str> = text.split('"').step_by(2).collect();
         outside.concat().chars().filter(|letter| !letter.is_ascii_digit()).collect()
     };

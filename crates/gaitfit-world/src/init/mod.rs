@@ -192,9 +192,11 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
 /// Other guesses at the gains of a robot whose policy did not learn to walk: the gains of the file's position actuators, then
 /// softer and stiffer gains by size. The result has neither the first guess nor guesses that cannot be simulated.
 pub fn other_guesses(model: &Model, first: &Look) -> Vec<Look> {
+    // 0.6 is about 1/1.6: as far to the soft side as to the stiff one.
     let sources = [Source::Servos, Source::Size(1.0), Source::Size(0.6), Source::Size(1.6)];
     let mut looks: Vec<Look> = Vec::new();
     for look in sources.iter().filter_map(|&source| look_with(model, source, first.rotors).ok()) {
+        // Gains and scales are part of the policy's settings. Equal ones would train the same policy twice.
         let same = |other: &Look| other.settings.policy == look.settings.policy;
         if !same(first) && !looks.iter().any(same) {
             looks.push(look);
@@ -309,6 +311,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
             format!("{}{more} (x: the other joint's distance from its reference)", named.join("; ")),
         );
     }
+    // Joints that follow others are passive too, but they are named as coupled above.
     let limp: Vec<usize> =
         anatomy.passive.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
     if !limp.is_empty() {

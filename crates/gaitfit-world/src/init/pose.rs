@@ -122,7 +122,9 @@ fn draw_in(model: &Model, leg: &Leg, angles: &mut [f64]) {
         let frames = body_frames(model, &Frame::WORLD, angles);
         let (slide, at) = (&model.joints[joint], foot(model, leg, &frames));
         let hip = leg.joints.first().map_or(at, |&hip| anchor(model, hip, &frames));
+        // By how much the foot rises for each metre of the slide.
         let rise = slide.axis_at(&frames[slide.body]).lever(at)[2];
+        // As much as a leg with knees lifts its foot.
         let by = (1.0 - LIFTED) * (hip[2] - at[2]);
         // A slide that points more sideways than up does not lift the foot.
         if rise.abs() > 0.5 {
@@ -326,7 +328,10 @@ fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[
                 }
                 angles[joint] = before;
             }
+            // Growing more slowly than shrinking: a step that is too long costs two poses each time.
             *step *= if better { 1.3 } else { 0.6 };
+            // Below 1e-6 rad nothing changes. A step of more than half a radian could jump to another way of
+            // bending.
             *step = step.clamp(1e-6, 0.5);
         }
     }

@@ -24,6 +24,7 @@ pub struct Rotors {
 impl Rotors {
     /// A guess by the robot's size; `None` if a joint of the legs has a rotor in the file.
     pub fn guess(model: &Model, anatomy: &Anatomy, sizes: &Sizes) -> Option<Self> {
+        // One rotor in the file shows that its author knew them, so the others are meant to be without.
         let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
         bare.then(|| {
             let largest = LARGEST * sizes.mass * sizes.leg * sizes.leg;
@@ -46,6 +47,7 @@ impl Rotors {
 
     /// Range of rotor inertia that the training adds to what the file has, kg·m².
     pub fn added(&self) -> [f64; 2] {
+        // The training adds to what the file has, and that is the smallest already.
         if self.in_file { [0.0, tidy(self.largest - self.smallest)] } else { [self.smallest, self.largest] }
     }
 

@@ -68,6 +68,7 @@ impl Footprint {
         // Rectangles along the axes come first: among equals they are what a file means.
         let best = yaws.fold((0.0, f64::INFINITY), |(best, least), yaw| {
             let area = area(yaw);
+            // A turned rectangle must be at least 2 % smaller, or rounding would turn symmetric feet.
             if area < 0.98 * least { (yaw, area) } else { (best, least) }
         });
         Self::along(points, best.0)

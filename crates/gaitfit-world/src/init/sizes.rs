@@ -56,6 +56,7 @@ pub fn digits(value: f64, count: i32) -> f64 {
     if value == 0.0 || !value.is_finite() {
         return value;
     }
+    // Through text, because dividing by a power of ten would leave digits such as 0.30000000000000004.
     format!("{value:.*e}", (count - 1).max(0) as usize).parse().unwrap_or(value)
 }
 
@@ -84,6 +85,7 @@ impl Sizes {
         let leg = leg.max(0.02);
         let feet = anatomy.legs.iter().flat_map(|leg| &leg.geoms).map(|&geom| bottom(geom));
         let lowest_foot = feet.fold(f64::INFINITY, f64::min);
+        // A robot that stands on another part than its feet would fall or be counted as fallen at once.
         let under = model
             .pairs
             .iter()
@@ -123,6 +125,7 @@ impl Sizes {
 
     /// How far the base is above the ground, m, or the leg is long where the base's origin lies near the ground.
     pub fn tall(&self) -> f64 {
+        // An origin lower than half of the leg shows nothing of how tall the robot is.
         if self.height < 0.5 * self.leg { self.leg } else { self.height }
     }
 

@@ -30,9 +30,11 @@ pub fn stance(model: &Model, anatomy: &Anatomy, angles: &[f64], height: f64) -> 
     let frame = |angles: &[f64], swinging: &[usize]| Frame {
         base_position: [0.0, 0.0, height],
         base_quaternion: [1.0, 0.0, 0.0, 0.0],
+        // A page's joints count from the pose of the file; the model's count from their own zero.
         joints: angles.iter().zip(&model.joints).map(|(angle, joint)| angle - joint.reference).collect(),
         contacts: (0..feet.len()).map(|leg| !swinging.contains(&leg)).collect(),
         command: [0.0; 3],
+        // NaN: the page then shows no velocity, because nothing moves here by itself.
         velocity: [f64::NAN; 3],
     };
     let mut frames = vec![frame(angles, &[]); STANDING];

@@ -45,6 +45,7 @@ fn numbers(text: &mut String, model: &Model, joints: &[usize], name: &str, value
     let common = common.unwrap_or_default();
     let _ = writeln!(
         text,
+        // Filled up with spaces to the column in which other comments begin.
         "\n[task.policy.{name}]{}# {comment}",
         " ".repeat(18_usize.saturating_sub(name.len()))
     );
@@ -73,6 +74,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let _ = writeln!(text, "{TASK}");
     let comment = "settings that are absent here are those of this built-in task";
     line(&mut text, "base", quoted("velocity"), comment);
+    // The built-in task has 4 steps of 5 ms in a control period.
     if gains.substeps != 4 {
         let comment = "physics steps between actions: gains and damping need short ones";
         line(&mut text, "substeps", gains.substeps, comment);
@@ -176,6 +178,7 @@ fn commands(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
     let scale = if anatomy.biped() { "half of it on two legs" } else { "leg length l" };
     let _ =
         writeln!(text, "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {scale}");
+    // A subtraction, because the negative of 0 would be written as -0.0.
     let range = |max: f64| format!("[{:?}, {max:?}]", 0.0 - max);
     line(text, "x", range(sizes.forward), "m/s forward");
     let why = sizes.never_aside.map(|why| format!(": {why}")).unwrap_or_default();
@@ -188,6 +191,7 @@ fn commands(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
 
 /// Settings that are one number for all joints: small enough for slides, whose unit is m.
 fn for_slides(text: &mut String) {
+    // The three numbers below are those of the built-in task, for hinges.
     let like = |value: f64| float(tidy(JointKind::Slide.like("rad", value)));
     let _ = writeln!(text, "\n[task.start]");
     line(text, "joint_position", like(0.1), "half range: rad for hinges, m for slides");
@@ -204,6 +208,7 @@ fn falls_and_draws(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &
     // The Go2's lowest base is 0.12 m, a share of 0.4 of its 0.30 m.
     let share = if anatomy.biped() { 0.6 } else { 0.4 };
     line(text, "height", float(tidy(sizes.height - (1.0 - share) * sizes.tall())), "m, lowest base");
+    // That of the built-in task: an angle needs no scaling.
     line(text, "tilt", 60.0, "degrees");
 
     let _ = writeln!(text, "\n[task.randomisation]");
@@ -252,6 +257,7 @@ fn rewards(text: &mut String, model: &Model, anatomy: &Anatomy, sizes: &Sizes) {
     let (length, torque) = (sizes.length(), sizes.torque());
     // A slide's force goes with m g.
     let slides = anatomy.acting().iter().filter(|&&joint| !model.joints[joint].kind.is_hinge()).count();
+    // Squares of torques and forces are summed over all joints, so the unit is their mean square.
     let share = slides as f64 / anatomy.acting().len().max(1) as f64;
     let torque = torque * (1.0 - share + share / (sizes.leg * sizes.leg)).sqrt();
     // The built-in weights are for sums over the Go2's 12 joints.

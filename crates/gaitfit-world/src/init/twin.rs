@@ -17,6 +17,7 @@ pub(super) fn advice(path: &Path) -> Option<String> {
     let text = files::read_text(path, MAX_BYTES).ok()?;
     let mut best: Option<(usize, PathBuf)> = None;
     for file in beside(path) {
+        // As `init` reads it, because the file only has to be good enough for that.
         let options = ReadOptions { add_floor: true, mend: true, ..ReadOptions::default() };
         let Ok(mut model) = gaitfit_model::read(&file, &options) else { continue };
         // The file at `path` does not read, so names are looked for in its text.
@@ -27,6 +28,7 @@ pub(super) fn advice(path: &Path) -> Option<String> {
         }
         // As `init` would do it, so that the advice names only files that it takes.
         super::feet::fit_feet(&mut model, false);
+        // Of equals the first one stays: `beside` lists the file's own folder first.
         let better = best.as_ref().is_none_or(|(most, _)| common > *most);
         if better && look(&model).is_ok() {
             best = Some((common, file));
@@ -43,6 +45,7 @@ fn beside(path: &Path) -> Vec<PathBuf> {
     let list = |folder: &Path| -> Vec<PathBuf> {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+        // The order of a folder's entries differs between machines, and the first files win.
         paths.sort();
         paths
     };

@@ -39,12 +39,14 @@ pub fn wanted(
     });
     let known = controls.truth.as_ref().zip(setup.known.as_ref());
     let known = known.map(|(truth, theta)| TrainingRobot::known(theta, truth));
+    // In the order of `PLACES`; each is absent if it was not asked for.
     let robots = [
         controls.nominal.then(|| Ok(TrainingRobot::nominal())),
         controls.randomised.then(|| Ok(TrainingRobot::randomised(controls))),
         drawn,
         known,
     ];
+    // Both lists have the same order.
     let named = robots.into_iter().zip(PLACES);
     named.filter_map(|(robot, (name, place))| Some(robot?.map(|robot| (name, place, robot)))).collect()
 }
@@ -85,6 +87,7 @@ pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> 
     let is_after = |one: &&Measurement| one.evaluation.policy == after;
     let on_target = |one: &&Measurement| one.on == TARGET;
     let reference = evaluations.iter().filter(is_after).find(on_target);
+    // From the end: the newest fitted simulator is the last one.
     let Some(reference) = reference.or_else(|| evaluations.iter().rfind(is_after)) else { return Vec::new() };
     let others = evaluations.iter().filter(|one| one.on == reference.on && !is_after(one));
     others.map(|other| compare(&reference.on, &reference.evaluation, &other.evaluation)).collect()
@@ -105,8 +108,10 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
     let (fitted, other) = (error(&comparison.policy)?, error(&comparison.against)?);
     let less = |small: f64, large: f64| {
         let share = 100.0 * (1.0 - small / large);
+        // Without a finite share the sentence states no percentage.
         if share.is_finite() { format!("{share:.0} % ") } else { String::new() }
     };
+    // The sentence ends with the numbers, so that nobody has to believe its words.
     let numbers = comparison.numbers();
     Some(match comparison.better() {
         Better::Policy => {
@@ -132,6 +137,7 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
 
 /// Name of the error that is smaller beyond chance; `None` if neither is.
 fn less_of(comparison: &Comparison) -> Option<&'static str> {
+    // The whole 95 % interval is below zero.
     let less = |difference: Estimate| difference.mean + difference.ci95 < 0.0;
     match (less(comparison.linear_velocity_error), less(comparison.angular_velocity_error)) {
         (true, _) => Some("linear"),

@@ -31,6 +31,7 @@ pub fn model(
     theta: &Path,
     before: &[RoundResult],
 ) -> Result<Model, Error> {
+    // Someone has looked at the contradiction and wants the fit used.
     let allowed = stages.setup.config.finetune.allow.iter().any(|name| name == CONTRADICTED);
     if results.standing != Standing::Contradicted || allowed {
         let robot = TrainingRobot::fitted(theta.to_owned(), settled::of_fit(results, theta)?);

@@ -27,6 +27,7 @@ pub struct Asked {
 pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a, Asked>, Error> {
     let settings = setup.config.resolved();
     let target = setup.config.target.as_ref().map(|target| target.seed);
+    // For the manifest: the loop's random numbers follow from these seeds.
     let mut seeds = vec![setup.config.adapt.optimizer.seed, setup.config.evaluate.seed];
     seeds.extend(setup.config.finetune.seeds.iter().chain(&target));
     Ok(Protocol {
@@ -34,6 +35,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
         settings: settings.map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?,
         free: &LOOP_FREE,
         inputs: setup.inputs.clone(),
+        // A resumed loop must read what it read at first, or its rounds would not belong together.
         same_files: true,
         seeds,
         devices: setup.devices.to_string(),
@@ -47,6 +49,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
 /// As it says, or a folder that cannot be read.
 pub fn check_policy(protocol: &Protocol<'_, Asked>, setup: &Setup) -> Result<(), Error> {
     match protocol.folder.read_bytes(FIRST_POLICY)? {
+        // Compared by content: the path may be the same and the file another.
         Some(bytes) if bytes != setup.policy_bytes => {
             Err(protocol.refusal(&format!("the policy {} has changed", setup.config.policy)).into())
         }
@@ -84,6 +87,7 @@ pub struct Times<'a> {
 impl<'a> Times<'a> {
     /// Reads the times of earlier sessions.
     pub fn read(folder: &'a RunFolder) -> Result<Self, Error> {
+        // Damaged times are no reason to refuse a loop; they begin anew.
         let seconds = folder.read(TIMES)?.and_then(|text| serde_json::from_str(&text).ok());
         Ok(Self { folder, seconds: seconds.unwrap_or_default() })
     }

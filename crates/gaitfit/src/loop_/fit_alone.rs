@@ -24,6 +24,7 @@ pub fn settings(path: &Path, sets: &[String]) -> Result<AdaptConfig, Error> {
     }
     // A fit's setting stands in the loop's table [adapt], except those that both have.
     let of_loop = |set: &String| {
+        // The first part of a dotted key is the table, or the key itself.
         let key = set.split(['.', '=']).next().unwrap_or_default().trim();
         let stays = SHARED.contains(&key) || OF_LOOPS.contains(&key) || key == "held_out";
         if stays { set.clone() } else { format!("adapt.{set}") }
@@ -40,11 +41,13 @@ pub fn settings(path: &Path, sets: &[String]) -> Result<AdaptConfig, Error> {
     let (fitted, held) = split(files.into_iter().map(|file| file.path).collect(), config.held_out)?;
     let shown =
         |logs: Vec<_>| logs.iter().map(|log: &std::path::PathBuf| log.display().to_string()).collect();
+    // As seen from here: paths of the loop's file start at its own folder.
     let policy = paths::find(&config.policy, "policy", path)?.display().to_string();
     Ok(AdaptConfig {
         name: config.name.clone(),
         validate: shown(held),
         runs: config.runs.clone(),
+        // Of the first round: only that one has the logs which the file names.
         ..config.adapt(1, policy, shown(fitted))
     })
 }

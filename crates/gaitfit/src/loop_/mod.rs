@@ -25,6 +25,7 @@ use std::path::Path;
 
 /// Runs the loop called `name` in a new run folder, or with `resume` continues the latest one of that name.
 pub fn run(setup: &Setup, name: &str, resume: bool, watch: &Watch<'_>) -> Result<Results, Error> {
+    // Before the folder: a GPU that is missing must leave no empty run behind.
     setup.devices.check()?;
     setup.warnings.iter().for_each(|warning| watch.note(warning));
     let folder = RunFolder::begin(Path::new(&setup.config.runs), name, resume)?;

@@ -23,9 +23,11 @@ pub fn target(
     let Some(target) = &setup.config.target else { return Ok((None, None)) };
     let theta = files::truth(folder);
     let words = words(target);
+    // Made only once it is known that the robot is there and which Python runs it.
     let run = |python: Option<&str>| -> Result<Option<Target>, Error> {
         let target = setup.target(target, theta.clone(), python)?;
         if let Target::Command(command) = &target {
+            // A later round would find out only after hours.
             command.check_programs()?;
         }
         Ok(Some(target))
@@ -41,6 +43,7 @@ pub fn target(
         return Ok((None, Some(why)));
     }
     let answer = probe(&words, target.timeout_seconds, watch);
+    // An interruption ends the probe too, and it must not be taken for an absent robot.
     if watch.stop() {
         return Err(Error::interrupted_with_nothing("interrupted"));
     }
@@ -51,6 +54,7 @@ pub fn target(
         }
         Err(why) => why,
     };
+    // A robot that was there and is not now would leave some of the rounds unmeasured.
     if began.is_some() {
         return Err(missing(format!(
             "{}: the robot was present when this run began and is absent now: {why}. Connect it, or start afresh \

@@ -40,6 +40,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         before: results.before.clone(),
         after: results.after.clone(),
         measured: measured(done),
+        // The first measurement is the one on the target, if it measures policies.
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
         rounds: rounds(folder, done)?,
         tracking: tracking(results),
@@ -87,6 +88,7 @@ fn measured(done: &Done) -> String {
 
 fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
     let mut rounds = Vec::with_capacity(done.results.rounds.len());
+    // Curves are read again from the folders, because the results have only their ends.
     for (result, fit) in done.results.rounds.iter().zip(&done.fits) {
         let within = folder.path().join(format!("round-{}", result.round));
         let course = adapt::metrics(&RunFolder::only(&within, "adapt")?)?;
@@ -192,6 +194,7 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
             links.push(link(format!("Training: {name}"), format!("controls/{place}/finetune/report.html")));
         }
     }
+    // A target that is a real robot has no reference.
     if folder.path().join("reference").is_dir() {
         links.push(link(format!("Training: {REFERENCE}"), "reference/finetune/report.html".to_owned()));
     }

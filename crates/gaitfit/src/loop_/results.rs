@@ -125,6 +125,7 @@ pub fn policy_name(round: u32) -> String {
 impl Measurement {
     /// Without what single trajectories did.
     pub fn summary(mut self) -> Self {
+        // Thousands of rows, which would fill the printed document.
         self.evaluation.errors = Vec::new();
         self
     }
@@ -144,6 +145,7 @@ impl Results {
 
     /// Doubt that the policies were measured, but not on the robot; `None` if they were.
     pub fn absence(&self) -> Option<Doubt> {
+        // Without any measurement there is nothing that stands in for the robot.
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
             return None;
         }

@@ -38,12 +38,15 @@ pub struct Done {
 
 /// Runs all rounds that there are to be, and the reference.
 pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done, Error> {
+    // The robot is looked for first: whether it is there decides how many rounds there can be.
     let (target, absent) = presence::target(setup, folder, watch)?;
+    // A further round needs logs of the new policy, which only the robot can make.
     let max = if absent.is_some() { 1 } else { setup.config.rounds };
     if max < setup.config.rounds {
         watch.note("without the robot there is one round");
     }
     let mut stages = Stages::new(setup, folder, target, watch)?;
+    // For the person who waits: each stage says which one of how many it is.
     let stage_count = count(setup, max, stages.target.as_ref());
     stages = stages.counted(stage_count);
     // Policy 0 is measured first, so that every round has something to be better than.
@@ -113,7 +116,9 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     let measured = usize::from(target.is_some_and(Target::measures));
     // Logs, fit, training, the new policy on the target, both in the fitted simulator.
     let round = 5 + measured;
+    // A training, and a measurement where the target measures.
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
+    // The first policy and the policy of each round.
     let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
     let controls = controls::count(setup, target) + usize::from(walks_last(setup));
     // Logs that are given need no stage in the first round.
@@ -130,6 +135,7 @@ fn one_round(
     let setup = stages.setup;
     let round = format!("round-{number}");
     stages.folder.make(&round)?;
+    // Each round begins with the policy of the last one.
     let Some(before) = policies.last() else {
         return Err(Error::failed("a round without a policy to begin with"));
     };
@@ -143,6 +149,7 @@ fn one_round(
     let shown = |logs: &[PathBuf]| logs.iter().map(|path| path.display().to_string()).collect();
     let mut config = setup.config.adapt(number, before.safetensors.display().to_string(), shown(&logs));
     config.validate = shown(&held);
+    // The fit is a run of its own within the loop's folder.
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
@@ -204,6 +211,7 @@ fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, 
     let Some(target) = stages.setup.config.target.as_ref().filter(|target| target.kind.is_robot()) else {
         return Ok(Vec::new());
     };
+    // The logs of a round are those of the policy with which it begins, so both lists go together.
     let logs = (1..).map(|round| stages.path(&logs_of(round)));
     let walked = policies.iter().zip(logs).filter(|(_, logs)| logs.is_dir());
     walked.map(|(policy, logs)| Walked::read(&policy.name, &logs, target.seconds)).collect()
@@ -217,8 +225,10 @@ pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, V
     }
     let mut files = Vec::new();
     for path in &logs {
+        // Held out are single logs, so folders are opened first.
         if path.is_dir() { files.extend(csv_files(path)?) } else { files.push(path.clone()) }
     }
+    // From here on at least two logs are held out.
     if files.len() < 2 * every {
         return Ok((logs, Vec::new()));
     }
@@ -232,11 +242,13 @@ pub(super) fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, V
 pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
     let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
+    // Rest angles are for networks, which have no true values.
     let rest = vec![0.0; joints.len()];
     let rules = config.by_kind(&setup.model).map(|config| config.rules());
     let theta = rules.and_then(|rules| rules.theta(&config.groups(&joints), &joints, &rest));
     let Ok(theta) = theta else { return };
     for entry in theta.entries() {
+        // A fitted entry has a truth only if all its joints have the same one.
         let covers = |joints: &[String]| entry.joints.iter().all(|joint| joints.contains(joint));
         // Later numbers win, as in the file.
         let known = parameter.iter().rev().find(|one| one.kind == entry.kind && covers(&one.joints));
@@ -273,6 +285,7 @@ fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) ->
                 "round {} did not lower the cost by {percent:.0} %: {before:.5} before, {after:.5} after",
                 last.round
             );
+            // A comparison with NaN is false: if all robots fell, the round did not help.
             (after <= (1.0 - share) * before, why)
         }
         _ => (true, String::new()),
@@ -352,6 +365,7 @@ fn warnings(
     warnings.extend(comparisons.iter().filter_map(controls::warning));
     for round in rounds {
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
+        // Only on a target that measures; the fitted simulators have their own numbers in the table.
         let (Some(before), Some(after)) = (before, after) else { continue };
         if compare(TARGET, after, before).better() != Better::Policy {
             warnings.push(format!("{} tracks no better than {} on the target", round.after, round.before));
@@ -362,6 +376,7 @@ fn warnings(
             warnings.push(format!("{} falls more often than {} on the target", round.after, round.before));
         }
     }
+    // With one round its number would say nothing.
     let which = |round: &RoundResult| match rounds.len() {
         1 => String::new(),
         _ => format!("round {}: ", round.round),
@@ -373,6 +388,7 @@ fn warnings(
         warnings.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
     }
     let last = rounds.last().map(|round| round.round);
+    // The last round's doubts are in the results themselves.
     for round in rounds.iter().filter(|round| Some(round.round) != last) {
         let doubts = &round.adapt.doubts;
         let said =

@@ -12,9 +12,11 @@ pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error>
     if results.standing != Standing::Sound {
         return Ok(Vec::new());
     }
+    // A parameter that was not judged counts as determined: only a clear no keeps its draw.
     let unknown = |name: &str| {
         results.parameters.iter().any(|one| one.found.name == name && one.identified == Some(false))
     };
+    // From the file and not from the results, because trainings read the file.
     let parameters = theta::read(file)?.parameter;
     Ok(parameters.into_iter().filter(|one| !unknown(&one.name)).map(|one| one.kind).collect())
 }
@@ -49,6 +51,7 @@ pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
             "base_com",
             Value::Float(0.0),
         ),
+        // A factor on the model's friction, so 1 is no change. The mass above is added, so 0 is none.
         (has(number(RobotNumber::FloorFriction)), "floor_friction", pair(1.0)),
         (strength || has(joint(JointParameter::KpScale)), "kp", pair(1.0)),
         (strength || has(joint(JointParameter::KdScale)), "kd", pair(1.0)),
@@ -61,6 +64,7 @@ pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
     let draws = task.entry("randomisation").or_insert_with(|| Value::Table(Table::new()));
     if let Value::Table(draws) = draws {
         for (_, key, value) in settled {
+            // Only where the configuration has no value of its own.
             draws.entry(key).or_insert(value);
         }
     }

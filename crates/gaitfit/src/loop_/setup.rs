@@ -55,8 +55,10 @@ impl Setup {
     /// Reads policy and robot, finds the logs, and checks that settings fit them.
     pub fn open(mut config: LoopConfig, config_path: &Path, threads: usize) -> Result<Self, Error> {
         let mut files = Vec::new();
+        // Every file that is found is one that the result depends on, so it is noted for the hashes.
         let mut find = |named: &str, what: &str| {
             let mut path = paths::find(named, what, config_path)?;
+            // A policy may be named by the folder of its training.
             if what == "policy" {
                 path = policy_file::find(&path)?.path;
             }
@@ -79,6 +81,7 @@ impl Setup {
             files.extend(logs.iter().cloned());
         }
         let policy = gaitfit_policy_files::read(&policy_path)?;
+        // In one format, whatever the file was: policies of a loop are compared by their bytes.
         let policy_bytes = weights::write(&policy)?;
         // Without a robot of its own the loop takes that of the policy's training.
         if let (None, Some(recorded)) = (&robot, &policy.provenance.robot_file) {
@@ -165,6 +168,7 @@ impl Setup {
                 world.map_err(|error| error.within(format!("{}: [target]", self.config_path.display())))?;
             }
             Target::Robot(robot) => robot.check_person()?,
+            // Its programs are checked when the loop begins, when `{python}` is known.
             Target::Command(_) => {}
         }
         Ok(())
@@ -186,6 +190,7 @@ impl Setup {
 
     /// Refuses parameters that the robot cannot have.
     fn check_fit(&self) -> Result<(), Error> {
+        // Neither policy nor logs matter for whether the parameters fit the robot.
         let adapt = self.config.adapt(1, String::new(), Vec::new());
         let joints: Vec<String> = self.model.joints.iter().map(|joint| joint.name.clone()).collect();
         let theta = adapt
@@ -205,6 +210,7 @@ impl Setup {
     ) -> Result<Target, Error> {
         match target.kind {
             TargetKind::Simulated => {
+                // Such a cost compares the base's state, which only a simulated robot can log.
                 let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
                 Ok(Target::Simulated(Box::new(Simulated::new(
                     &self.config,
@@ -251,6 +257,7 @@ impl Setup {
 
     /// A policy in a simulator like that of the fits, of a robot that these settings describe.
     pub fn world(&self, policy: &Policy, arguments: &WorldSettings) -> Result<World, Error> {
+        // Without the noise, pushes and random robots of the training: policies are measured on the same robot.
         let mut task = self.task.calm();
         task.robot_timestep = self.config.adapt.simulation.robot_timestep.or(task.robot_timestep);
         if let Some(chosen) = &self.config.adapt.simulation.self_contact {
@@ -286,6 +293,7 @@ impl Setup {
     /// trajectories that nothing is reported of.
     pub fn choice_of_trainings(&self) -> Plan {
         let plan = self.choice();
+        // With few trajectories chance would choose.
         Plan { trajectories: plan.trajectories.max(256), ..plan }
     }
 }

@@ -95,6 +95,7 @@ impl<'a> Stages<'a> {
     pub fn keep(&self, name: &str, stem: &str, bytes: &[u8]) -> Result<PolicyFiles, Error> {
         let policy = weights::read(bytes)?;
         let files = [format!("policies/{stem}.safetensors"), format!("policies/{stem}.onnx")];
+        // Made before anything is written, so that a policy has both files or neither.
         let graph = onnx::write(&policy)?;
         self.folder.write(&files[0], bytes)?;
         self.folder.write(&files[1], &graph)?;
@@ -150,6 +151,7 @@ impl<'a> Stages<'a> {
                 let (held, all) = (config.validate.len(), config.validate.len() + config.logs.len());
                 error.advised(format!("{held} of {all} logs are held out; `held_out = 0` fits them too."))
             };
+            // Logs that the user gave are not the target's to record again.
             if !recorded.is_dir() {
                 return error;
             }
@@ -168,6 +170,7 @@ impl<'a> Stages<'a> {
             }
         ));
         let folder = RunFolder::only(&self.path(round), "adapt")?;
+        // Finished, resumed or begun: the folder of the fit shows which.
         let results = adapt::fit(&mut setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         Ok((setup, results, folder.path().join("theta.toml")))
@@ -190,6 +193,7 @@ impl<'a> Stages<'a> {
         let mut task = settled::without_draws(changed(settings.task.clone(), &robot.task), &robot.settled);
         // The policy is trained where the robot was fitted.
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
+            // A value of the training's own task stays.
             task.entry("robot_timestep").or_insert(toml::Value::Float(step));
         }
         if let Some(chosen) = &self.setup.config.adapt.simulation.self_contact {
@@ -201,6 +205,7 @@ impl<'a> Stages<'a> {
             task,
             name: Some("finetune".to_owned()),
             policy: Some(policy.safetensors.display().to_string()),
+            // A hash binds a configuration to a file elsewhere. Here the loop has written the file itself.
             policy_sha256: None,
             theta: robot.theta.as_ref().map(|path| path.display().to_string()),
             theta_sha256: None,
@@ -228,6 +233,7 @@ impl<'a> Stages<'a> {
             files: finetune::Files::default(),
             task: None,
             threads: std::num::NonZeroUsize::new(self.setup.threads),
+            // As many devices as can share the robots of each seed evenly.
             devices: self.setup.devices.sharing(config.seeds.len(), config.train.environments),
         })?;
         self.announce(&format!(
@@ -235,6 +241,7 @@ impl<'a> Stages<'a> {
             policy.name, config.train.iterations, config.train.environments
         ));
         let folder = RunFolder::only(&self.path(round), "finetune")?;
+        // As for the fit, the training's folder shows how far it is.
         let results = train::train_in(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         let mut trained = Vec::with_capacity(results.seeds.len());
@@ -325,6 +332,7 @@ impl<'a> Stages<'a> {
         self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
             let world = setup.adapted(policy, theta.to_owned())?;
             let evaluation = measure(&world, &policy.name, &setup.plan(), watch)?.evaluation;
+            // Not the file's path: documents must be the same wherever the run's folder is.
             Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..evaluation }))
         })
     }
@@ -347,6 +355,7 @@ impl<'a> Stages<'a> {
                 Error::content(&self.path(&file), problem)
             });
         }
+        // Only for the line: a choice has as many trajectories.
         let plan = self.setup.plan();
         self.announce(&format!("evaluations: {what}, {} trajectories", plan.trajectories));
         let begun = Instant::now();

@@ -40,7 +40,7 @@ impl Walked {
                 return Err(Error::content(&path, "it has no commands, or no yaw rate (column `wz`)"));
             };
             errors.push(error);
-            // Two rows of a policy of 50 Hz: turns may be left out.
+            // A whole walk ends one control period before `seconds`, and a few rows may be left out.
             stopped += usize::from(log.time.last().is_some_and(|last| *last < seconds - 0.1));
         }
         let yaw_rate_error = of_few(&errors);
@@ -49,6 +49,7 @@ impl Walked {
 
     /// Mean of this policy's error minus that of another under the same commands, walk by walk.
     pub fn minus(&self, other: &Self) -> Estimate {
+        // In pairs, because walks of one number had the same commands: what makes a command hard cancels.
         let pairs = self.errors.iter().zip(&other.errors);
         of_few(&pairs.map(|(own, other)| own - other).collect::<Vec<_>>())
     }
@@ -83,6 +84,7 @@ pub fn sentences(walked: &[Walked]) -> Vec<String> {
 fn yaw_rate_error(log: &Trajectory) -> Option<f64> {
     let command = log.command.as_ref()?;
     let rates = log.base.as_ref()?.angular_velocity.as_ref()?;
+    // Rows of x, y, z: the command has the yaw rate last, and so has the gyroscope.
     let pairs = command.chunks_exact(3).zip(rates.chunks_exact(3));
     let (sum, rows) =
         pairs.fold((0.0, 0), |(sum, rows), (command, rate)| (sum + (rate[2] - command[2]).abs(), rows + 1));

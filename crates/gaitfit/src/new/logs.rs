@@ -74,7 +74,9 @@ impl Logs {
             let is_wheel = |joint: &&String| wheels.contains(&model.find_joint(joint));
             log.velocity_joints = log.joints.iter().filter(is_wheel).cloned().collect();
         }
+        // A robot may report a wheel's angle within one turn; the checks would take the jumps for faults.
         log.unwrap_wheels();
+        // All of them at once, so that one mapping file mends the log.
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
         if !strange.is_empty() {
@@ -97,6 +99,7 @@ impl Logs {
         }
         let mut findings = report.findings();
         findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
+        // Findings that would make every number of a fit wrong by a factor, or leave a joint out.
         let assumptions = [
             FindingKind::TimeUnit,
             FindingKind::SuspectUnit,
@@ -120,6 +123,7 @@ impl Logs {
         self.seconds += log.duration();
         self.rates.push(log.rate_hz);
         self.steps.push(log.simulated_step);
+        // The first log's order is the one that is reported.
         if self.joints.is_empty() {
             self.joints = log.joints;
         }
@@ -135,6 +139,7 @@ impl Logs {
     /// Number, length, rate and sensors.
     pub fn text(&self) -> String {
         let rate = match (self.rates.first(), self.rates.last()) {
+            // Clocks of robots differ by less than 1 %, so such rates are one nominal rate.
             (Some(low), Some(high)) if (high / low - 1.0).abs() < 0.01 => format!("{low:.0} Hz"),
             (Some(low), Some(high)) => format!("{low:.0} to {high:.0} Hz"),
             _ => String::new(),

@@ -115,6 +115,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     }
     let policy =
         settings.policy.as_deref().map(gaitfit_policy_files::read).transpose().map_err(Error::failed)?;
+    // Policies that were trained here name the robot file of their training.
     let remembered = policy.as_ref().and_then(|policy| policy.provenance.robot_file.as_ref());
     let mut moved = None;
     // Without --robot the robot of the policy's training is taken.
@@ -169,6 +170,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
              (.safetensors, .onnx, or a .toml that describes it)",
         ));
     }
+    // A policy states its gains itself.
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
     let groups = groups::by_name(&crate::robot::joint_names(&model));
     let inputs = Inputs { settings, out, model, policy, logs, gains, groups };
@@ -191,6 +193,7 @@ fn is_sidecar(file: &Path, log: &Path) -> bool {
 /// The output, if everything is given that cannot be guessed.
 fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>, named: bool) -> Result<&'a Path, Error> {
     let builtin = named || policy.map(|policy| policy.interface.robot.as_str()) == Some("go2");
+    // All at once, so that nobody has to run the command three times.
     let mut missing = Vec::new();
     if settings.robot.is_none() && !builtin {
         missing.push("--robot FILE, the robot's MJCF or URDF file (unitree-go2 is the built-in Go2)");
@@ -225,6 +228,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
     // All joints or none: gains of some joints alone would leave the others limp.
     let servos: Option<Vec<[f64; 2]>> =
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
+    // A robot without joints has no gains to take.
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
         return Err(Error::settings(
             "missing: --kp N and --kd N (or a table such as '{ \"*\" = 40, \"*_hip\" = 20 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
@@ -294,6 +298,7 @@ impl Inputs<'_> {
         add("robot", format!("{} ({robot}), {} joints", shown(&self.model.name), self.model.joints.len()));
         add("logs", self.logs.text());
         add("joints", self.logs.joints_text(&self.model));
+        // With findings about units the warnings say it, and this line would contradict them.
         if self.logs.assumed.is_empty() {
             let units =
                 "the logs are in rad, rad/s and s, plausible for this robot; recordings are converted";
@@ -341,6 +346,7 @@ impl Inputs<'_> {
 fn delay(setup: &Setup) -> Option<String> {
     let swings = setup.swings.as_ref().and(setup.config.prior.get("delay"));
     let swings = swings.map(|delay| {
+        // In ms. Two standard deviations are the half-width of a 95 % interval.
         format!("{:.1} ± {:.1} ms from targets to swinging legs", 1e3 * delay.value, 2e3 * delay.deviation)
     });
     let logs = setup.fit.logs.iter().map(|log| &log.trajectory);

@@ -52,6 +52,7 @@ impl Inputs<'_> {
 
     fn walk(&self, text: &mut String) {
         list(text, "logs", &self.settings.logs, self, "every fourth is not fitted but predicted at the end");
+        // Comments of settings that are usual to change, with their defaults.
         text.push_str("\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/costs.md\n");
         self.write_groups(text, "adapt.groups");
         text.push_str("\n[adapt.simulation]\n");
@@ -169,6 +170,7 @@ fn line(text: &mut String, key: &str, value: &str, comment: &str) {
     let setting = format!("{key} = {value}");
     let _ = match comment {
         "" => writeln!(text, "{setting}"),
+        // Wide enough for most settings, so that the comments stand in one column.
         comment => writeln!(text, "{setting:<32} # {comment}"),
     };
 }

@@ -80,6 +80,8 @@ impl Run<'_> {
                 let made =
                     self.shared(experiment, seed).map_err(|error| self.explained(error, &experiment.file))?;
                 if let Some(first) = &made.first {
+                    // The first policy is measured on the same trajectories for every seed, so one result is
+                    // enough.
                     outcome.first.entry(scenario.to_owned()).or_insert_with(|| first.clone());
                 }
                 let reference = made.reference.clone();
@@ -100,6 +102,7 @@ impl Run<'_> {
                 let Some(with) = shared.get(experiment.scenario.as_str()) else {
                     return Err(Error::failed(format!("{name} has no logs")));
                 };
+                // Workers take the devices in turn.
                 let device = self.devices.device(worker);
                 let result = self.cell(experiment, seed, &with.logs, device, watch).map_err(failed)?;
                 watch.tell(Event::Stage(&headline(&result)));
@@ -151,6 +154,7 @@ impl Run<'_> {
             return Err(Error::failed(format!("the table has no cell of {scenario}")));
         };
         let mut setup = Setup::open(config, &experiment.file, self.threads)?;
+        // The shared parts are made one after the other, so they need one device.
         setup.devices = self.devices.first().into();
         let folder = self.open(&format!("{SHARED}/{scenario}"), seed, &setup)?;
         let Some(target) = setup.config.target.clone() else {
@@ -171,6 +175,7 @@ impl Run<'_> {
             ..SeedResult::default()
         };
         let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
+        // Nothing was fitted or trained, so it took no time.
         let before = result(walk, 0.0);
         let robot = TrainingRobot::target(files::truth(&folder), &target);
         let (trained, _, bytes) = stages.finetune("reference", &first, &robot)?;
@@ -198,6 +203,7 @@ impl Run<'_> {
     ) -> Result<SeedResult, Error> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
         setup.devices = device.into();
+        // The folder is bound to settings and files, so a result in it belongs to this very cell.
         let folder = self.open(&format!("{CELLS}/{}", experiment.paper.name), seed, &setup)?;
         // A table that was interrupted goes on with the first cell that is missing.
         if let Some(text) = folder.read(SEED)? {
@@ -243,6 +249,7 @@ impl Run<'_> {
     fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Error> {
         let folder = RunFolder::only(&self.folder.path().join(within), &format!("seed-{seed}"))?;
         let protocol = files::protocol(&folder, setup)?;
+        // Old results of other settings must not stand beside new ones in one table.
         if let Some(difference) = protocol.difference()? {
             return Err(Error::settings(format!(
                 "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",

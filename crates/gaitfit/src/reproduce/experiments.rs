@@ -51,6 +51,7 @@ pub fn read(
         if full {
             changes.extend(paper.full(cell));
         }
+        // Last, so that the command line wins.
         changes.extend_from_slice(sets);
         experiments.push(one(cell, folder, &changes, selected)?);
     }
@@ -63,6 +64,7 @@ pub fn read(
         )));
     }
     for (index, later) in experiments.iter().enumerate() {
+        // Comparing with the first cell of a scenario is enough: equality carries over.
         if let Some(first) = experiments[..index].iter().find(|one| one.scenario == later.scenario) {
             check_shared(first, later)?;
         }
@@ -110,6 +112,7 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
 /// Cells of a scenario share logs and references: what these depend on must be the same.
 fn check_shared(first: &Experiment, later: &Experiment) -> Result<(), Error> {
     let (a, b) = (&first.config, &later.config);
+    // Not `[adapt]`: the fits are what the cells differ in.
     let differs = [
         ("policy", a.policy != b.policy),
         ("robot", a.robot != b.robot || a.lenient != b.lenient),

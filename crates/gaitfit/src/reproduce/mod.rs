@@ -61,7 +61,9 @@ impl Opened {
         let only = request.only.as_deref();
         let experiments =
             experiments::read(&paper, table, &request.experiments, request.full, &request.set, only)?;
+        // Cells of one scenario have the same folder. A table has one folder, so the first cell names it.
         let runs = experiments.first().map_or("runs", |one| one.config.runs.as_str());
+        // Both scales of a table may be run, each in a folder of its own.
         let scale = if request.full { "-full" } else { "" };
         let folder = RunFolder::only(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
         let (title, kind) = (table.title.clone(), table.kind);

@@ -88,6 +88,7 @@ impl Paper {
         self.tables.iter().find(|table| table.name == name).ok_or_else(|| {
             let names: Vec<&str> = self.tables.iter().map(|table| table.name.as_str()).collect();
             let scored = names.iter().map(|known| (strsim::jaro_winkler(name, known), known));
+            // Jaro–Winkler similarity is 1 for equal names. Below 0.7 a suggestion would be a guess.
             let near = scored.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score > 0.7);
             let near = near.map_or_else(String::new, |(_, known)| format!(" Did you mean `{known}`?"));
             Error::settings(format!("there is no table `{name}`; there are {}.{near}", names.join(", ")))
@@ -116,6 +117,7 @@ impl Paper {
             Some((name.clone(), 100.0 * (value / truth - 1.0).abs()))
         };
         let mut errors = cell.errors_percent.clone();
+        // An error that follows from a printed value replaces a printed error.
         errors.extend(cell.values.iter().filter_map(of_value));
         errors
     }

@@ -82,6 +82,7 @@ pub fn plan(request: &Request) -> Result<Plan, Error> {
             let (name, scenario) = (name.to_owned(), scenario.to_owned());
             Part { kind, name, scenario, seed, folder, finished }
         };
+        // Each scenario once, and in the same order on every machine.
         let scenarios: BTreeSet<&str> = selected().map(|one| one.scenario.as_str()).collect();
         parts.extend(scenarios.into_iter().map(|one| part(PartKind::Shared, one, one)));
         parts.extend(selected().map(|one| part(PartKind::Cell, &one.paper.name, &one.scenario)));

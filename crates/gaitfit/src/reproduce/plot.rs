@@ -27,6 +27,7 @@ fn errors(results: &Results) -> BarGroup {
     for row in &results.rows {
         let value = row.mean_error_percent.unwrap_or_default();
         bars.push(bar(row.cell.clone(), value, 2, Look::color(0)));
+        // NaN draws no bar and keeps the row, so that rows of all cells align.
         let paper = row.paper.mean_error_percent.unwrap_or(f64::NAN);
         bars.push(bar("paper".to_owned(), Estimate { mean: paper, ci95: f64::NAN }, 2, Look::AREA));
     }
@@ -35,6 +36,7 @@ fn errors(results: &Results) -> BarGroup {
 
 fn walks(results: &Results, title: &str, digits: usize, of: fn(&Walk) -> Estimate) -> BarGroup {
     let drawn = |row: &Row| {
+        // References have another colour than fits.
         let look = if row.modification.is_some() { Look::color(0) } else { Look::color(1) };
         bar(row.label(), row.walk.as_ref().map(of).unwrap_or_default(), digits, look)
     };

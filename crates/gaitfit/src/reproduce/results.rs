@@ -197,6 +197,7 @@ impl Row {
                 (name, of_few(&errors))
             })
             .collect();
+        // A table of trainings has no fits, and a table of fits no walks.
         let some = |values: Vec<f64>| (!values.is_empty()).then(|| of_few(&values));
         let mean_error_percent = some(over(&|fit| fit.mean_error_percent));
         let cost_value = some(over(&|fit| Some(fit.cost)));
@@ -233,6 +234,7 @@ fn walk(walks: &[Walk]) -> Option<Walk> {
             [one] => one.drift,
             _ => walks
                 .iter()
+                // One seed without drift trials leaves the mean out: a mean over fewer seeds would not compare.
                 .map(|walk| Some(walk.drift?.mean))
                 .collect::<Option<Vec<f64>>>()
                 .map(|all| of_few(&all)),

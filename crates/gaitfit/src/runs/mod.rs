@@ -85,6 +85,7 @@ pub struct Run {
 /// # Errors
 /// A folder that cannot be read. A damaged run is listed, with what is wrong with it.
 pub fn list(folder: &Path) -> Result<Vec<Run>, Error> {
+    // `gaitfit runs RUN` shows one run.
     if is_run(folder) {
         return Ok(vec![read(folder)]);
     }
@@ -103,6 +104,7 @@ pub fn list(folder: &Path) -> Result<Vec<Run>, Error> {
             runs.push(read(&path));
         }
     }
+    // Times in RFC 3339 and in UTC sort as text. A damaged run has none and comes first.
     runs.sort_by(|a, b| a.begun.cmp(&b.begun).then_with(|| a.folder.cmp(&b.folder)));
     Ok(runs)
 }
@@ -158,6 +160,7 @@ fn read(folder: &Path) -> Run {
 fn asked(command: &Value) -> Kind {
     let words = command.as_array().into_iter().flatten().filter_map(Value::as_str);
     words
+        // The first word is the program, which may have any name.
         .skip(1)
         .find_map(|word| match word {
             "fit" | "adapt" => Some(Kind::Fit),
@@ -194,6 +197,7 @@ fn result_of(results: &Value, run: &mut Run) {
 /// First how firmly the fit stands, then how much smaller the cost became, and whether the search converged.
 fn fit_summary(results: &Value, run: &Run) -> String {
     let change = match &run.cost {
+        // A cost of 0 has no factor.
         Some((_, before, after)) if *after > 0.0 && after < before => {
             format!("cost {:.1} times smaller", before / after)
         }

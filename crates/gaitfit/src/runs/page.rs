@@ -56,6 +56,7 @@ fn shown(run: &Run, page: &Path) -> Shown {
 /// `file` as seen from the folder of `page`, if it is there and is in that folder or below.
 fn relative(file: &Path, page: &Path) -> Option<String> {
     let folder = page.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    // Both without links and `..`, so that one can be a prefix of the other.
     let (file, folder) = (file.canonicalize().ok()?, folder.canonicalize().ok()?);
     let parts = file.strip_prefix(folder).ok()?.iter();
     Some(parts.map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/"))
@@ -65,6 +66,7 @@ fn fit(run: &Run) -> Fit {
     let (cost_name, before, after) = run.cost.clone().unwrap_or((String::new(), f64::NAN, f64::NAN));
     let parameter = |one: &super::Fitted| Parameter {
         name: one.name.clone(),
+        // Results write `-` for a number without a unit.
         unit: if one.unit == "-" { String::new() } else { one.unit.clone() },
         value: one.value,
         interval: one.interval,
@@ -90,6 +92,7 @@ fn training(run: &Run) -> Option<Training> {
         .filter_map(|entry| Some(entry.ok()?.path().join("metrics.jsonl")))
         .filter(|file| file.is_file())
         .collect();
+    // The sums of f64 below depend on the order, and a folder lists its files in any.
     seeds.sort();
     seeds.truncate(MAX_SEEDS);
     let metrics: Vec<Vec<Value>> = seeds.iter().map(|file| lines(file)).collect();

@@ -160,6 +160,7 @@ impl Command {
 
     /// The program.
     pub fn description(&self) -> String {
+        // The program and its first words name the robot; later words are long paths.
         let words = self.collect.iter().take(3).take_while(|word| !word.contains('{'));
         format!("the robot of `{}`", words.cloned().collect::<Vec<_>>().join(" "))
     }
@@ -176,6 +177,7 @@ fn speeds(speeds: Option<[f64; 3]>) -> String {
 
 /// Names in braces; braces around anything else are left alone.
 fn places(word: &str) -> impl Iterator<Item = &str> {
+    // What stands before the first brace has no name.
     let inner = word.split('{').skip(1).filter_map(|rest| rest.split_once('}')).map(|(name, _)| name);
     inner.filter(|name| {
         !name.is_empty() && name.chars().all(|letter| letter.is_ascii_lowercase() || letter == '_')
@@ -200,6 +202,7 @@ fn filled(word: &str, values: &[&(&str, String)]) -> String {
             let after = from.strip_prefix('{')?.strip_prefix(name)?.strip_prefix('}')?;
             Some((value.as_str(), after))
         });
+        // An unknown name keeps its brace; the search continues behind it. A brace is one byte.
         let (value, after) = known.unwrap_or_else(|| from.split_at(1));
         text.push_str(value);
         rest = after;

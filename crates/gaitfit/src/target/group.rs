@@ -67,6 +67,7 @@ kill -KILL $group 2>/dev/null";
         }
 
         fn start_in(command: &mut Command, alone: bool) -> std::io::Result<Self> {
+            // The guard must hold no pipe of this program open: readers would wait for its end.
             let null = Stdio::null;
             // Started before the program: once that runs, the guard lacks nothing but its number.
             let mut guard = Command::new("sh");
@@ -123,6 +124,7 @@ kill -KILL $group 2>/dev/null";
                 true => kill_process(group.id, signal),
                 false => kill_process_group(group.id, signal),
             };
+            // A group that has ended by itself is not signalled: its number may be another's by now.
             if there(self) {
                 let _ = signal(self, Signal::TERM);
             }
@@ -144,6 +146,7 @@ kill -KILL $group 2>/dev/null";
     impl Drop for Group {
         fn drop(&mut self) {
             self.end(Duration::ZERO, || ());
+            // The second line; the guard then leaves without ending anything.
             let _ = self.tell("ended\n");
             drop(self.guard.stdin.take());
             let _ = self.guard.wait();

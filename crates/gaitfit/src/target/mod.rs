@@ -60,6 +60,7 @@ impl Target {
                 })
             }
             Self::Command(target) => write_whole(into, |folder| target.collect(policy, seed, folder, watch)),
+            // It moves its logs into place itself: walks of a stopped session are kept beside them.
             Self::Robot(target) => target.collect(policy, seed, into, watch),
         }
     }

@@ -58,6 +58,7 @@ fn pythons() -> Vec<String> {
     if let Some(named) = std::env::var(VARIABLE).ok().filter(|named| !named.is_empty()) {
         return vec![named];
     }
+    // The project's own Python first: it is the one that has the project's packages.
     let venv = Path::new(VENV_PYTHON).exists().then(|| VENV_PYTHON.to_owned());
     venv.into_iter().chain(COMMON.map(str::to_owned)).collect()
 }
@@ -69,6 +70,7 @@ fn run(words: &[String], timeout_seconds: f64, watch: &Watch<'_>) -> Result<(), 
     if output.status.success() {
         return Ok(());
     }
+    // Programs often end their complaint with an empty line.
     let last = output.last.lines().map(str::trim).rfind(|line| !line.is_empty());
     Err(last.map_or_else(|| output.status.to_string(), str::to_owned))
 }

@@ -145,8 +145,10 @@ impl Program<'_> {
     /// Waits for the program itself, or stops it with all it started.
     fn wait(&self, group: &mut Group, said: &mut Said<'_>) -> Result<ExitStatus, ProcessError> {
         let begun = Instant::now();
+        // An infinite time does not fit into a `Duration`.
         let allowed = Duration::try_from_secs_f64(self.timeout_seconds).unwrap_or(Duration::MAX);
         let why = loop {
+            // Without its pipes the program may still run; then `listen` returns at once and must not spin.
             if !said.listen(LOOK) {
                 std::thread::sleep(LOOK);
             }
@@ -206,6 +208,7 @@ impl Said<'_> {
     fn keep(&mut self, piece: Piece) {
         match piece {
             Piece::Out(bytes) if self.out.len() <= MAX_BYTES => self.out.extend(bytes),
+            // Beyond the limit bytes are read and dropped, so that the program does not wait for its pipe.
             Piece::Out(_) => {}
             Piece::Line(line) => {
                 // What a program says of an interruption is of no use to who asked for it.
@@ -235,6 +238,7 @@ fn read_out(mut stream: impl Read, sender: &SyncSender<Piece>) {
                     break;
                 }
             }
+            // A signal came while it waited; nothing was read or lost.
             Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
             Err(_) => break,
         }
@@ -250,6 +254,7 @@ fn read_lines(stream: impl Read, sender: &SyncSender<Piece>) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }
+        // A program's line may hold characters that steer the terminal.
         let line = escaped(String::from_utf8_lossy(&line).trim_end(), MAX_LINE as usize);
         if sender.send(Piece::Line(line)).is_err() {
             break;

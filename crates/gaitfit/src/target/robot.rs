@@ -103,6 +103,7 @@ impl Robot {
                 let error = ended
                     .err()
                     .unwrap_or_else(|| Error::failed("the robot made fewer walks than asked for."));
+                // Walks of a real robot are not thrown away: the next session makes the missing ones.
                 return Err(match made.len() {
                     0 => error,
                     count => error.advised(format!(
@@ -161,6 +162,7 @@ impl Robot {
             }
             Err(error) => return Err(Error::failed(format!("`{}`: {error}", words.join(" ")))),
         };
+        // The last line is the program's error; lines before it are its progress.
         let said = said.lines().last().map_or_else(String::new, |line| format!(": {line}"));
         match status.code() {
             Some(0) => Ok(()),
@@ -185,6 +187,7 @@ fn made(sessions: &Path) -> Result<Vec<PathBuf>, Error> {
     for number in 1.. {
         let session = sessions.join(number.to_string());
         if !session.is_dir() {
+            // Sessions are numbered without gaps, so the first missing number is the end.
             break;
         }
         for log in csv_files(&session)? {

@@ -47,6 +47,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
             doubts = theta::doubts(&file, &named, model, None);
             file
         }
+        // A file of numbers that changes nothing.
         None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
     };
     // The target's own numbers come on top of the file's, in the form in which a fit writes its results.
@@ -56,6 +57,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
             .parameter
             .iter()
             .map(|one| ParameterRule {
+                // One value for all joints of the rule, so each rule has exactly one entry in `values` below.
                 per: Sharing::All,
                 joints: one.joints.clone(),
                 ..ParameterRule::new(one.kind)
@@ -122,6 +124,7 @@ impl Simulated {
                 seed: 0,
                 threads: None,
             },
+            // Policies are measured on one robot without pushes, so that only they differ.
             task: task.calm(),
             options: CollectOptions {
                 count: target.trajectories,
@@ -154,6 +157,7 @@ impl Simulated {
         folder: &Path,
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
+        // A fit starts its robots so, and its logs must begin alike.
         let world = self.world(policy)?.with_plain_starts();
         let subject = world.subject(seed);
         let logs = walks(&subject, &self.options, self.threads, self.device, watch)?;

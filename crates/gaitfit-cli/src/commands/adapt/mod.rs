@@ -23,6 +23,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());
     let threads = args.run.threads.map(NonZeroUsize::get);
+    // A run that resumes looks up its devices in the folder of the last run of this name.
     let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     watched(Lines::Seconds(5), |watch| {
         let mut setup =
@@ -42,6 +43,7 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
         }
         // The page opens before the exit code is decided: it shows why a check failed.
         viewer::report(args.run.open, &results.run_folder);
+        // A check that the configuration states comes first: the user asked for it.
         checked(results.failed_check().or_else(|| results.contradiction()).or_else(|| results.refusal()))
     })
 }
@@ -55,17 +57,21 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
         let limited = |set: &&String| set.contains("optimizer.max_seconds");
         let sets: String =
             args.run.set.iter().filter(|set| !limited(set)).map(|set| format!(" --set '{set}'")).collect();
+        // Three times the limit that was too short. The old limit is taken out of `--set`, because the command has
+        // a new one.
         let (path, seconds) = (args.config.display(), 3.0 * config.optimizer.max_seconds);
         return vec![format!(
             "gaitfit fit {path}{name}{sets} --resume --set optimizer.max_seconds={seconds}"
         )];
     }
+    // A fit of legs in the air has no policy, so nothing can be trained.
     let training = config.policy.as_ref().map(|policy| {
         let robot = robot_option(Path::new(policy), &config.robot);
         // Policies that cannot be trained are measured in the fitted simulator.
         let command = if is_trainable(Path::new(policy)) { "finetune" } else { "evaluate" };
         format!("gaitfit {command} {policy} --theta {theta}{robot}")
     });
+    // In the order of work: other logs show whether the fit holds, before anything is trained with it.
     let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
     [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
 }
@@ -74,11 +80,13 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
 fn is_trainable(policy: &Path) -> bool {
     let path = gaitfit::policy_file::find(policy).map(|file| file.path).ok();
     let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
+    // If the file cannot be read, `finetune` is named: it prints the error.
     policy.is_none_or(|policy| policy.untrainable().is_none())
 }
 
 /// The option that names `robot`, if a configuration does, for a command on a policy that does not remember its robot file.
 pub fn robot_option(policy: &Path, robot: &str) -> String {
+    // Read only if the configuration names a robot: a policy's file can be large.
     let remembers = || {
         let path = gaitfit::policy_file::find(policy).map(|file| file.path).ok();
         let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());

@@ -86,6 +86,7 @@ fn headline(fit: &CostFit, doubts: &[Doubt]) -> String {
         let _ = write!(text, "; mean error {error:.2} %");
     }
     let mut kinds: Vec<_> = doubts.iter().map(|doubt| doubt.kind).collect();
+    // Several doubts of one kind need its headline once.
     kinds.dedup();
     for kind in kinds {
         let _ = write!(text, "; {}", kind.headline().to_uppercase());
@@ -102,6 +103,7 @@ fn parameters(fit: &CostFit) -> Table {
     // Columns that no parameter fills are left out.
     let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
+    // A regression may have been computed and not used. Only a used one changes the values.
     let corrected = fit.correction.is_some() || fit.regression.as_ref().is_some_and(|one| one.taken);
     let value = if corrected { "corrected" } else { "value" };
     let mut header = vec!["parameter", value, "±", "interval", "unit", "bounds"];
@@ -117,9 +119,11 @@ fn parameters(fit: &CostFit) -> Table {
     header.push("");
     let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
     let count = fit.parameters.len();
+    // Weights of a network are thousands of parameters, which no reader looks through.
     let shown = if count <= MAX_SHOWN { count } else { FEW };
     for parameter in &fit.parameters[..shown] {
         let estimate = &parameter.found;
+        // The table has both: ± is easy to read, and the two ends show that an interval is not symmetric.
         let interval = parameter.interval.map(|[lower, upper]| format!("{lower:.4} … {upper:.4}"));
         let mut row = vec![
             estimate.name.clone(),
@@ -157,8 +161,10 @@ fn parameters(fit: &CostFit) -> Table {
 
 fn predictors(results: &AdaptResults) -> Table {
     let cost = format!("{} cost", results.cost_name);
+    // The fit is the first row, so that all guesses are compared with it.
     let scores = || std::iter::once(&results.fitted).chain(&results.baselines);
     let mut columns = vec!["predictor".to_owned(), cost];
+    // A column appears if any predictor has its number. Free walks have no error by sample.
     let errors = scores().any(|score| score.rmse_fit_rad.is_some());
     let validated = scores().any(|score| score.cost_validation.is_some());
     let validated_errors = scores().any(|score| score.rmse_validation_rad.is_some());
@@ -184,6 +190,7 @@ fn predictors(results: &AdaptResults) -> Table {
 pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
     let (cost, errors) = (
         validation.iter().any(|log| log.cost.is_some()),
+        // Either may be missing alone: one of the two robots may diverge.
         validation.iter().any(|log| log.rmse_rad.is_some() || log.nominal_rmse_rad.is_some()),
     );
     let mut columns = vec!["validation log".to_owned()];
@@ -202,6 +209,7 @@ pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
             row.extend([number(log.cost), number(log.nominal_cost)]);
         }
         if errors {
+            // The joint to look at first if the mean over joints is large.
             let worst = log.rmse_per_joint.iter().max_by(|a, b| a.1.total_cmp(b.1));
             let worst = worst.map_or_else(|| "–".to_owned(), |(joint, error)| format!("{joint} {error:.4}"));
             row.extend([number(log.rmse_rad), number(log.nominal_rmse_rad), worst]);
@@ -230,11 +238,13 @@ fn comparison(first: &str, other: &CostFit) -> Table {
             },
         ]);
     }
+    // The second cost's values predict the validation logs too. A small error speaks for its column.
     let rmse: Vec<f64> = other.validation.iter().filter_map(|log| log.rmse_rad).collect();
     if !rmse.is_empty() {
         let mean = rmse.iter().sum::<f64>() / rmse.len() as f64;
         let mut row = vec![String::new(); 7];
         row[0] = "rmse validation".to_owned();
+        // Below the values of the second cost.
         row[3] = format!("{mean:.5}");
         row[5] = "rad".to_owned();
         table.add_row(row);

@@ -38,7 +38,9 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::OwnParts::File => SelfContact::File,
         cli::OwnParts::Limbs => SelfContact::Limbs,
     };
+    // What is left out of the pairs is of no interest for a benchmark.
     let (model, _) = gaitfit::robot::go2()?.touching_itself(&pairs).map_err(Failure::failed)?;
+    // A GPU needs another size and prints other numbers, so it has a file of its own.
     if let Some(ordinal) = args.device.gpu() {
         return super::physics_cuda::run(args, &model, geoms, ordinal);
     }
@@ -48,6 +50,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         preset,
         geoms,
         threads,
+        // `--isa` is selected for the whole process already.
         isa: None,
         environments: args.environments.map_or(ENVIRONMENTS, std::num::NonZeroUsize::get),
         repetitions: REPETITIONS,

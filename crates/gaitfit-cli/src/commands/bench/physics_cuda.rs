@@ -45,6 +45,7 @@ pub fn run(args: &cli::BenchPhysics, model: &Model, geoms: Geoms, ordinal: usize
     let preset: gaitfit_physics::Preset = args.preset.into();
     let device = Device::open(ordinal).map_err(cuda)?;
     let mut emit = EmitOptions::default();
+    // Only for those who tune the emitter; the default is the one that trainings use.
     if let Some(min) = args.min_guarded {
         emit.min_guarded = min;
     }

@@ -32,11 +32,14 @@ struct Document {
 
 /// Trains from nothing and prints medians over the measured iterations.
 pub fn run(args: &BenchTrain) -> Result<(), Failure> {
+    // Before anything is read: the GPU's report includes the time until the first iteration.
     let begin = Instant::now();
     let mut config: TrainConfig = settings::load(args.config.as_deref(), &[])?;
+    // Only sizes are replaced; robot, task and networks are those of the configuration.
     config.train = TrainingSettings {
         environments: args.environments.unwrap_or(config.train.environments),
         steps: args.steps.unwrap_or(config.train.steps),
+        // The sum of both, so that as many as were asked for are measured.
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
     // The numbers of the command line were not checked with the file's.
@@ -52,10 +55,12 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     let mut measured = Vec::new();
     while !training.finished() {
         let iteration = training.iterate(threads).map_err(Failure::failed)?;
+        // Numbers begin with 0.
         if iteration.number >= WARM_UP {
             measured.push(iteration);
         }
     }
+    // A median: other programs delay single iterations, and one long iteration would move a mean.
     let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
     let (environments, steps) = (plan.train.environments, plan.train.steps);
     let document = Document {
@@ -64,6 +69,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         iteration_seconds,
         rollout_seconds: median(&measured, |it| it.rollout_seconds),
         update_seconds: median(&measured, |it| it.update_seconds),
+        // Rollout and update together: the speed of a training, not of the simulator alone.
         samples_per_second: (environments * steps) as f64 / iteration_seconds,
         peak_memory_bytes: peak_memory(),
         environments,
@@ -103,5 +109,6 @@ fn peak_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find(|line| line.starts_with("VmHWM:"))?;
     let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    // The kernel writes `kB` and means 1,024 bytes.
     Some(1024 * kilobytes)
 }

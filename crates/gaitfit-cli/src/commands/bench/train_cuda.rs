@@ -58,6 +58,7 @@ type State = (Vec<f32>, Vec<Snapshot>);
 fn names(devices: &[Device]) -> String {
     let names: Vec<&str> = devices.iter().map(|device| &device.info().name[..]).collect();
     match names.first() {
+        // Equal GPUs are counted, different ones are listed.
         Some(first) if names.len() > 1 && names.iter().all(|name| name == first) => {
             format!("{} × {first}", names.len())
         }
@@ -69,6 +70,7 @@ fn names(devices: &[Device]) -> String {
 pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failure> {
     let Setup { scene, plan, .. } = setup;
     let (environments, steps) = (plan.train.environments, plan.train.steps);
+    // Asked for here, not in the configuration: runs at several precisions compare one training.
     let precision = match args.precision {
         None => plan.ppo.precision,
         Some(Products::Bf16) => Precision::Bf16,
@@ -76,6 +78,7 @@ pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failu
         Some(Products::F32) => Precision::F32,
     };
     let devices = setup.devices.open()?;
+    // A function, because the training is made twice: from the same seed, to compare both results.
     let training = || -> Result<Training<'_>, Failure> {
         let learner = Training::fresh_learner(scene, &plan.ppo, SEED).map_err(Failure::failed)?;
         Training::new(scene, None, &plan.train, learner, SEED).map_err(Failure::usage)
@@ -84,6 +87,7 @@ pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failu
     let mut train = |host: &mut Training<'_>| -> Result<State, RolloutError> {
         let mut trainer = Trainer::together(&devices, host, precision)?;
         start_seconds =
+            // Only the first training counts: the second one finds its programs compiled.
             start_seconds.max(if measured.is_empty() { begin.elapsed().as_secs_f64() } else { 0.0 });
         while !trainer.finished() {
             let iteration = trainer.iterate()?;
@@ -91,12 +95,15 @@ pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failu
                 measured.push(iteration);
             }
         }
+        // The state lives on the GPU and must come back before it can be compared.
         trainer.store(host)?;
         Ok((host.learner().actor().parameters.to_vec(), host.snapshots()))
     };
     let mut host = training()?;
     let first = train(&mut host).map_err(rollout_error)?;
+    // The whole training a second time. All sums have a fixed order, so any difference is an error.
     let same_bits = train(&mut training()?).map_err(rollout_error)? == first;
+    // A third trainer for the parts: measuring them changes its state.
     let mut trainer = Trainer::together(&devices, &mut host, precision).map_err(rollout_error)?;
     let parts = trainer.breakdown().map_err(rollout_error)?;
     let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
@@ -128,6 +135,7 @@ pub fn run(args: &BenchTrain, setup: &Setup, begin: Instant) -> Result<(), Failu
         substeps: scene.walker.batch.options().substeps,
         epochs: plan.ppo.epochs,
         minibatches: plan.ppo.minibatches,
+        // Both trainings are in the list.
         iterations: measured.len() / 2,
         kernels,
     };

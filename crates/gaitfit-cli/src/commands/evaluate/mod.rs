@@ -40,10 +40,12 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         return Err(Failure::usage("--open opens what --report or --replay writes: give one of them"));
     }
     let named = [(&args.report, "--report"), (&args.replay, "--replay")];
+    // An option that is not given has no output to check.
     let output =
         |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
     // All names are checked first: a measurement takes long, and its page must not fail at the end.
     let outputs: Vec<Output<'_>> = named.into_iter().filter_map(output).collect();
+    // `--terrain` takes names too. Only a file can be overwritten by an output.
     let ground_file = Some(Path::new(&args.terrain)).filter(|_| args.terrain.ends_with(".toml"));
     files::check(&outputs, args.world.files().chain(ground_file))?;
     let drift_speeds = match args.drift_speeds.as_slice() {
@@ -58,11 +60,14 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         world: args.world.settings(),
         trajectories: args.trajectories.get(),
         seconds: args.seconds,
+        // `None` stays different from the default above: only who asked for drift trials is told that they have no
+        // effect.
         drift: args.drift.unwrap_or(cli::DRIFT),
         drift_speeds,
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
         device: args.device,
+        // If the policy does not walk, the order and signs of its joints may be stated wrongly.
         diagnose: true,
     };
     output::note(&settings.device.line_by_robots());
@@ -129,6 +134,7 @@ fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Res
         }
     };
     let record = record.map_err(Failure::failed)?;
+    // The uneven ground is part of the model, so it has a world of its own.
     let world = ground.map_or(world, |ground| &ground.world);
     Ok(Replay {
         title: policy_file::title(&args.world.policy),

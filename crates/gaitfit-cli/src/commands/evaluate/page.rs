@@ -69,6 +69,7 @@ pub fn page(
         trajectories: document.trajectories as u64,
         seconds: document.seconds,
         measures: rows(document).into_iter().map(measure).collect(),
+        // The number of robots of a trial is not in its result.
         drift: document.drift.iter().map(|trial| trial.drawn(args.drift.unwrap_or(cli::DRIFT))).collect(),
         ground: document
             .ground

@@ -10,6 +10,7 @@ use std::fmt::Write as _;
 fn shown(estimate: Estimate, digits: usize) -> String {
     match estimate {
         Estimate { mean, .. } if mean.is_nan() => "–".to_owned(),
+        // One trajectory has a mean and no interval.
         Estimate { mean, ci95 } if ci95.is_nan() => format!("{mean:.digits$}"),
         Estimate { mean, ci95 } => format!("{mean:.digits$} ± {ci95:.digits$}"),
     }
@@ -29,6 +30,7 @@ pub fn rows(document: &Evaluation) -> Vec<(&'static str, Estimate, usize, &'stat
             ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
         ]
     };
+    // A policy that follows a motion has no commands, so it has no error of them.
     let followed = document.motion_error.map_or_else(commands, motion);
     let others = [("falls", percent, 2, "%"), ("action rate", document.action_rate, 4, "a step")];
     let reward = [("summed reward", document.reward, 3, "")];
@@ -66,6 +68,7 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
         means.add_row([name, &shown(estimate, digits), unit]);
     }
     let _ = writeln!(out, "{means}");
+    // Under a constant command small errors of the velocity add up, so the place at the end shows them best.
     if !document.drift.is_empty() {
         let mut drift =
             table(&["command", "x error, m", "y error, m", "yaw error, rad", "falls, %"], &[1, 2, 3, 4]);
@@ -79,6 +82,7 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
             "\nDrift: stand, command for 4 s, stand; final place minus the place of the command\n{drift}"
         );
     }
+    // Levels get harder from row to row, so the table shows where a policy begins to fail.
     if !document.ground.is_empty() {
         let header = ["ground", "level", "", "robots", "crossed, %", "falls, %", "speed, m/s"];
         let mut ground = table(&header, &[1, 3, 4, 5, 6]);
@@ -99,6 +103,7 @@ pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64)
              its cell without a fall has crossed it\n{ground}"
         );
     }
+    // How the robot walks: errors alone do not show feet that drag or motors that shake.
     if let Some(gait) = &document.gait {
         let _ = writeln!(
             out,

@@ -42,11 +42,13 @@ impl Kind {
 
 /// Whether a readable .toml file has an entry of a theta.toml. A damaged one is left to its reader.
 fn has_parameters(path: &Path) -> bool {
+    // The reader of policies then says why it cannot be read.
     let Ok(text) = files::read_text(path, MAX_BYTES) else { return false };
     match text.parse::<toml::Table>() {
         Ok(table) => {
             ["parameter", "number"].iter().any(|key| table.get(*key).is_some_and(toml::Value::is_array))
         }
+        // A damaged file: by a line that files of policies do not have. So the right reader reports the damage.
         Err(_) => text.lines().any(|line| line.trim_end() == "[[parameter]]"),
     }
 }

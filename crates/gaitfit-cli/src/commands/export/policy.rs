@@ -28,6 +28,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     for path in folders.iter().filter_map(|(path, _)| path.as_ref()) {
         folder(path, "the files go")?;
     }
+    // An option without effect would look as if it had one.
     if args.force && folders.iter().all(|(path, _)| path.is_none()) {
         return Err(Failure::usage(
             "--force is for --bundle and --cpp; --onnx and --safetensors replace the file that they name"
@@ -45,6 +46,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     let policy = gaitfit_policy_files::read(&path).map_err(Failure::failed)?;
     // A policy may be several files; none of them may be overwritten.
     let read = gaitfit_policy_files::files_of(&path).map_err(Failure::failed)?;
+    // Only these files contain effort limits, so only they need the robot.
     let model = if deployed { model(args, &path, &policy)? } else { None };
     let (files, unsaid) = made(args, &policy, model.as_ref())?;
     // Files with an ending were named one by one and may be replaced; those of a folder were not.

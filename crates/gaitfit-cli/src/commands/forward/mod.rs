@@ -33,6 +33,7 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
     // Inputs were finite, so a number that is not has overflowed on the way.
     for (name, array) in &out {
         if let Some(bad) = array.values.iter().position(|value| !value.is_finite()) {
+            // Matrices count as rows of nv² numbers here.
             let width = array.values.len() / rows.max(1);
             return Err(Failure::failed(format!(
                 "{}: row {}: {name} overflows; take smaller positions, velocities or controls",
@@ -50,6 +51,8 @@ const MAX_VALUES: u64 = 1 << 27;
 /// Refuses more states than results fit into memory.
 fn bounded(model: &Model, rows: usize, args: &crate::cli::Forward) -> Result<(), Failure> {
     let (nq, nv) = (model.nq() as u64, model.nv() as u64);
+    // M; then qfrc_bias, qacc and next_qvel; then next_qpos. At least 1, because a robot without joints would
+    // divide by 0.
     let each = (nv * nv + 3 * nv + nq).max(1);
     if rows as u64 <= MAX_VALUES / each {
         return Ok(());
@@ -83,6 +86,7 @@ fn check(
         None => Ok(()),
         Some(bad) => Err(Failure::failed(format!(
             "{shown}: {name}[{}, {}] is {}; states must be finite",
+            // `width` is above 0 here: an array of width 0 has no value that could be bad.
             bad / width,
             bad % width,
             array.values[bad]

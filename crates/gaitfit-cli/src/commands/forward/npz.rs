@@ -86,10 +86,12 @@ fn brief(error: &Error) -> String {
 fn array(entry: impl std::io::Read) -> Result<Array, Error> {
     let refuse = |why: &str| Error::new(ErrorKind::InvalidData, why.to_owned());
     let file = NpyFile::new(entry)?;
+    // Values are read one after the other. Column by column they would be states with mixed numbers.
     if file.order() != Order::C {
         return Err(refuse("stored column by column; save numpy.ascontiguousarray(…) of it"));
     }
     let lengths = file.shape().to_vec();
+    // A damaged header can claim any shape. So its size is checked, without overflow, before memory is taken.
     let count = lengths.iter().try_fold(1_u64, |product, length| product.checked_mul(*length));
     if count.is_none_or(|count| count > MAX_VALUES) {
         return Err(refuse("more values than the program takes; split the file"));
@@ -97,6 +99,7 @@ fn array(entry: impl std::io::Read) -> Result<Array, Error> {
     let shape: Vec<usize> = lengths.iter().map(|length| *length as usize).collect();
     let values = match file.try_data::<f64>() {
         Ok(values) => values.collect::<Result<Vec<f64>, Error>>()?,
+        // Other trainers often save f32.
         Err(file) => match file.try_data::<f32>() {
             Ok(values) => values.map(|value| value.map(f64::from)).collect::<Result<Vec<f64>, Error>>()?,
             Err(_) => return Err(refuse("neither float64 nor float32; save astype(float) of it")),

@@ -52,7 +52,9 @@ impl Training {
     /// Orders trainings: one that walks last; else the nearer to walking, the later; without an evaluation, the higher the
     /// reward.
     fn order(&self, other: &Self) -> Ordering {
+        // Without an evaluation the training itself showed that nothing was learnt, so it is the farthest.
         let nearness = |one: &Self| -one.shortfall.unwrap_or(f64::INFINITY);
+        // `total_cmp` puts NaN above all numbers, so a diverged training would win.
         let reward = |one: &Self| one.reward.filter(|reward| reward.is_finite()).unwrap_or(f64::NEG_INFINITY);
         let by_reward = || reward(self).total_cmp(&reward(other));
         let by_walks = self.walks.cmp(&other.walks);
@@ -96,6 +98,7 @@ pub(super) fn train_guesses(
             return Ok(trainings);
         }
     }
+    // Each further training adds as many iterations as the first, so the time of the last one predicts it.
     let round = trainings.first().map_or(0, |first| first.iterations);
     while let Some(best) = nearest(&trainings)
         && !best.walks
@@ -141,6 +144,7 @@ fn train_one(
     write_configuration(args, files, look)?;
     let mut config: TrainConfig = settings::load(Some(&files.configuration), &args.set)?;
     let stem = files.configuration.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    // The same name for all trainings of a guess: the further ones resume the first one's run.
     let name = format!("{}-guess-{guess}", stem.unwrap_or_default());
     config.name = Some(name.clone());
     config.train.iterations = further.unwrap_or(config.train.iterations);
@@ -184,6 +188,7 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<Judged, F
             spring: Vec::new(),
             torque_noise: 0.0,
             randomised: false,
+            // Not the preset of trainings: a policy that walks only with rough contacts must not pass.
             preset: Preset::Accurate,
             seed: 0,
             threads: NonZeroUsize::new(threads),
@@ -194,7 +199,9 @@ fn judge(policy: &str, config: &TrainConfig, threads: usize) -> Result<Judged, F
         drift_speeds: None,
         ground: GroundChoice::Flat,
         ground_robots: 1,
+        // So few robots are done on the CPU before a GPU's program is compiled.
         device: Device::Cpu,
+        // A diagnosis looks for another order of joints, and this policy was trained on this very robot.
         diagnose: false,
     };
     let Evaluated { verdict, measured, .. } =
@@ -227,6 +234,7 @@ pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> Stri
              train longer: --minutes N trains the best guess further, --set train.iterations=N trains each guess longer"
         );
     };
+    // A run that resumes needs a number above the one it has reached.
     let iterations = format!("train.iterations={}", best.iterations.saturating_mul(2));
     let sets: Vec<String> = args.set.iter().map(|set| format!("'{set}'")).chain([iterations]).collect();
     let sets = sets.join(" --set ");

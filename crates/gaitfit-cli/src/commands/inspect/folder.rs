@@ -35,6 +35,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let spec = |log: &gaitfit_log::Trajectory| {
         robot.as_ref().map_or_else(CheckSpec::default, |robot| CheckSpec::of_robot(robot, &log.joints))
     };
+    // Ctrl-C ends this command at once, so nothing must be asked here.
     let mut progress = |_, _| ControlFlow::Continue(());
     let summary = summarise_folder(&args.file, &ReadOptions::default(), &spec, &mut progress)
         .map_err(Failure::failed)?;
@@ -93,6 +94,7 @@ fn text(summary: &FolderSummary) -> String {
         ("joints of every log", joined(&mut summary.common_joints.iter())),
         ("joints of some logs", joined(&mut summary.other_joints.iter())),
     ] {
+        // Logs may state no robot, and all may have the same joints.
         if !names.is_empty() {
             let _ = writeln!(text, "{what}: {names}");
         }
@@ -127,6 +129,7 @@ fn text(summary: &FolderSummary) -> String {
         text.push_str("nothing suspicious\n");
     }
     for group in &summary.findings {
+        // A folder can have thousands of logs, and a few names are enough to look at one.
         let mut names: Vec<String> =
             group.logs.iter().take(NAMED).map(|&log| name(&summary.logs[log].path)).collect();
         if group.logs.len() > NAMED {

@@ -38,9 +38,11 @@ pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) ->
         None => findings.extend(check(log, &CheckSpec::default())),
         Some(model) => {
             findings.extend(check(log, &CheckSpec::of_robot(model, &log.joints)));
+            // Only the robot's masses show which sign of a joint is wrong.
             findings.extend(weight::signs(log, model));
         }
     }
+    // Before sorting, because it changes severities.
     allow(&mut findings, &report.allowed);
     findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     findings
@@ -50,6 +52,7 @@ pub fn findings(log: &Trajectory, report: &ReadReport, robot: Option<&Model>) ->
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     // The picture's name is checked before the log is read.
     args.plot.as_deref().map(plot::check).transpose()?;
+    // Both `.svg` and `.html` are taken, so no ending is asked for here.
     let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: None });
     files::check(
         plot.as_slice(),
@@ -65,6 +68,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, model.as_ref(), path)?;
     }
+    // Needs a robot and an inertial unit's signals; otherwise there is no result and nothing is printed.
     let swings =
         watched(swings::LINES, |watch| swings::look(args.robot.as_deref(), args.lenient, &[&log], watch))?;
     let policy = args.policy.as_deref().map(|path| walked(args, path)).transpose()?;
@@ -100,6 +104,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 
 /// The command after this one, for a log or its folder. For a log with commands it asks for the policy that followed them.
 pub fn next(args: &Inspect, log: &Trajectory) -> String {
+    // A log of legs in the air may have columns of commands that are all 0.
     let walked = log.command.as_ref().is_some_and(|all| all.iter().any(|part| *part != 0.0));
     let given = |option: &str, path: Option<&PathBuf>, word: &str| match path {
         Some(path) => format!(" {option} {}", argument(path)),
@@ -140,6 +145,7 @@ fn policy_text(comparison: &LogMatch) -> String {
 }
 
 fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding], model: Option<&Model>) -> String {
+    // A robot with slides has joints in m; the header then names both units.
     let units = |unit: &str| model.map_or_else(|| unit.to_owned(), |model| model.units(unit));
     let mut text = format!(
         "{}: {}, {} in {} s at {} Hz{}\nchannels: {}\n",
@@ -208,13 +214,16 @@ fn spark(values: &[f64], width: usize) -> String {
     const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    // A stretch of no values has no mean.
     let width = width.min(values.len());
     let cell = |number: usize| {
         let stretch = &values[number * values.len() / width..(number + 1) * values.len() / width];
+        // A gap anywhere in the stretch makes the mean NaN, so gaps stay visible.
         let mean = stretch.iter().sum::<f64>() / stretch.len() as f64;
         if !mean.is_finite() {
             return ' ';
         }
+        // A constant signal has no range to divide by.
         let level = if high > low { (mean - low) / (high - low) * 7.0 } else { 0.0 };
         BLOCKS[(level.round() as usize).min(7)]
     };

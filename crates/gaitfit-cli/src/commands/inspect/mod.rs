@@ -94,6 +94,7 @@ fn policy(args: &Inspect) -> Result<(), Failure> {
 fn number(value: Option<f64>) -> String {
     match value {
         None => "–".to_owned(),
+        // Written out, such numbers would be wider than the rest of their table.
         Some(value) if value.abs() >= 1e9 => significant(value, 4),
         Some(value) => {
             let text = with_decimals(value, 4);

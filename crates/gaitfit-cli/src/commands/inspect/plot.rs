@@ -37,6 +37,7 @@ pub fn write(
 
 fn picture(log: &Trajectory, findings: &[Finding], model: Option<&Model>) -> LogPicture {
     let source = log.source.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy());
+    // By the file's name; its folder may be long and says little.
     let title = match (&source, &log.robot) {
         (Some(source), Some(robot)) => format!("{source} ({robot})"),
         (Some(source), None) => source.to_string(),

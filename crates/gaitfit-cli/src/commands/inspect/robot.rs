@@ -54,6 +54,7 @@ fn text(summary: &Summary) -> String {
     let slides_at = |name: &String| {
         summary.joints.iter().any(|joint| joint.name == *name && joint.kind == JointKind::Slide)
     };
+    // The unit is in the header, and only robots with slides need the second one.
     let forces = summary.actuators.iter().any(|actuator| slides_at(&actuator.joint));
     let force = if forces { "force range N·m (slides: N)" } else { "force range N·m" };
     let mut actuators = table(&["actuator", "joint", "kind", "gear", "control range", force], &[3]);
@@ -132,6 +133,7 @@ fn remarks(text: &mut String, summary: &Summary) {
     }
     for group in &summary.left_out {
         let place = match (group.line, group.last_line) {
+            // Line 0: it has no place in the file.
             (0, _) => String::new(),
             (first, last) if first == last => format!(" (line {first})"),
             (first, last) => format!(" (lines {first} to {last})"),

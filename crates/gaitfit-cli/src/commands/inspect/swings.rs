@@ -31,6 +31,8 @@ pub fn look(
         .copied()
         .filter(|log| {
             let base = log.base.as_ref();
+            // Inverse dynamics of a leg need the base's orientation and rates, and a joint of the robot for each
+            // column.
             base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some())
                 && log.joints.iter().all(|joint| model.find_joint(joint).is_some())
         })
@@ -100,6 +102,7 @@ pub fn of_folder(
 pub fn usable(summary: &FolderSummary) -> Vec<Trajectory> {
     let sound = |content: &LogContent| matches!(content, LogContent::Log { worst, .. } if *worst != Some(Severity::Error));
     let sound = summary.logs.iter().filter(|log| sound(&log.content)).take(LOGS);
+    // Read a second time: a summary does not keep the signals of all logs in memory.
     sound.filter_map(|log| read_csv(&log.path, &ReadOptions::default()).ok()).collect()
 }
 

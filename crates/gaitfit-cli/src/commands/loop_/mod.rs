@@ -19,10 +19,12 @@ use std::str::FromStr;
 fn robot_of(named: &str, config: &Path) -> Result<String, Failure> {
     let wrong = |why: String| Failure::usage(format!("{}: target.robot: {why}", config.display()));
     let beside = config.parent().unwrap_or(Path::new("")).join(named);
+    // A file in the current folder wins.
     let is_beside = named.ends_with(".toml") && !Path::new(named).exists() && beside.exists();
     let named = if is_beside { beside.display().to_string() } else { named.to_owned() };
     match RobotKind::from_str(&named).map_err(wrong)? {
         RobotKind::Simulated => Err(wrong("a simulated robot is kind = \"simulated-go2\"".to_owned())),
+        // The robot's file is read once here, so that its faults show before hours of fitting.
         kind => kind.robot().map(|_| named).map_err(|error| wrong(error.to_string())),
     }
 }

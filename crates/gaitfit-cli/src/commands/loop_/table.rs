@@ -32,6 +32,7 @@ pub fn text(results: &Results) -> String {
     );
     for round in &results.rounds {
         for fit in &round.adapt.fits {
+            // Absent if the simulation before the fit diverges.
             let nominal = fit.nominal_cost.map_or_else(|| "none".to_owned(), |cost| format!("{cost:.5}"));
             let _ = write!(text, "round {}: {} {nominal} → {:.5}", round.round, fit.cost_name, fit.cost);
             if let Some(error) = fit.mean_error_percent {
@@ -44,6 +45,7 @@ pub fn text(results: &Results) -> String {
         }
     }
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
+    // The column `on` has short names; these lines say what they stand for.
     for place in places(results).into_iter().filter_map(|name| place(results, name)) {
         let _ = writeln!(text, "{place}");
     }
@@ -92,6 +94,7 @@ fn promise(results: &Results) -> Option<String> {
     };
     let pair = |on: &str| Some((error(on, &results.before)?, error(on, &results.after)?));
     let simulated =
+        // From the end: the last round's simulator is the best fitted one.
         results.evaluations.iter().rev().find_map(|one| pair(&one.on).filter(|_| one.on != TARGET))?;
     let (before, after) = simulated;
     let text =
@@ -179,6 +182,7 @@ fn difference(estimate: Estimate, digits: usize) -> String {
 
 /// On the target, or else in the last adapted simulator: a row a command, a column a policy.
 fn drift(results: &Results) -> Option<comfy_table::Table> {
+    // A robot that was not reached has no drift; the last simulator stands in for it.
     let on = match results.measured(&results.before, TARGET) {
         Some(_) => TARGET,
         None => &results.evaluations.last()?.on,
@@ -222,5 +226,6 @@ fn mean_drift(evaluation: &Evaluation) -> (f64, f64) {
     let mean = |part: fn(&DriftResult) -> f64| {
         standing.iter().map(|trial| part(trial)).sum::<f64>() / standing.len() as f64
     };
+    // The size of the turn: turns to the left and to the right would cancel.
     (mean(DriftResult::distance), mean(|trial| trial.yaw.mean.abs()))
 }

@@ -52,6 +52,7 @@ pub fn write(
             put(SIDECAR, &format!("[imu]\nmounting = {mounting:?}\n"))?;
         }
     }
+    // Only a motion that reached the hanging pose gives a log, and a fit without a log cannot run.
     let has_log = document.written.iter().any(|name| name == MOTION);
     // Made before the lines below change the list of written files.
     let fit = fit(args, robot, document, has_log);
@@ -78,6 +79,7 @@ fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> S
     if has_log {
         let model = match &args.model {
             Some(path) if path.as_os_str() == gaitfit::robot::GO2 => GO2.to_owned(),
+            // Absolute: the configuration is in another folder than the one in which the command was typed.
             Some(path) => std::path::absolute(path).unwrap_or_else(|_| path.clone()).display().to_string(),
             None if robot.name == "go2" => GO2.to_owned(),
             None => String::new(),
@@ -110,6 +112,7 @@ fn groups(robot: &Robot) -> Option<[&'static str; 3]> {
 fn parameters(text: &mut String, robot: &Robot) {
     let per = if groups(robot).is_some() { "group" } else { "joint" };
     let strongest = robot.motors.iter().map(|motor| motor.torque).fold(0.0, f32::max);
+    // In N·m. A bound much below it could cut off the friction of a small robot's gears.
     let friction = f64::from(FRICTION * strongest).max(0.5);
     let _ = writeln!(
         text,
@@ -127,9 +130,11 @@ type Number = fn(&JointMotion) -> Option<Measured>;
 fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
     text.push_str("# By each joint's own motion.\n[prior]\n");
     let mut put = |name: &str, value: f64, deviation: f64| {
+        // Noise can make an estimate negative, and none of these parameters may be.
         let _ = writeln!(text, "{name} = {{ value = {:.5}, deviation = {deviation:.5} }}", value.max(0.0));
     };
     if let Some(Measured { value, error }) = moved.delay.or(moved.torque_delay) {
+        // A deviation close to 0 would make the prior outweigh the log, so it is at least 1 ms.
         put("delay", value, error.max(0.001));
     }
     let names: Vec<String> = match groups(robot) {
@@ -166,6 +171,7 @@ fn walks(text: &mut String, document: &Document) {
             let _ = writeln!(
                 text,
                 "# gyro_bias_{axis} = {{ value = {value:.5}, deviation = {:.5} }}",
+                // Listening for long gives tiny errors, and a prior with such a deviation would outweigh the walks.
                 error.max(0.0005)
             );
         }

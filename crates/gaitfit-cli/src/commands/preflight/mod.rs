@@ -75,7 +75,9 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
             args.out.display()
         )));
     }
+    // Before the link: its threads inherit the priority.
     real_time();
+    // Made for every robot, because the link of a simulated one borrows it.
     let hung = hanging_go2().map_err(Failure::failed)?;
     let batch = simulation(&hung).map_err(Failure::failed)?;
     let stop = || signals::asked();
@@ -109,6 +111,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
         findings.extend(more);
         moved
     });
+    // Faults are first in the order of severities.
     findings.sort_by_key(|finding| finding.severity);
     let mut document = Document {
         robot: robot.name.clone(),
@@ -164,6 +167,7 @@ fn check(args: &Preflight) -> Result<(), Failure> {
             "--yes, --patience: for simulators only, which are in another domain than 0 (--domain)",
         ));
     }
+    // Nobody types a word into a pipe, and a robot must not move on the content of a file.
     let asks = args.tilt || args.moves && !args.yes;
     if asks && !std::io::stdin().is_terminal() {
         return Err(Failure::usage(
@@ -189,6 +193,7 @@ fn failed(error: RobotError) -> Failure {
 
 /// The robot's description; that of a Go2 is built in.
 fn description(args: &Preflight, robot: &Robot) -> Result<Option<Model>, Failure> {
+    // Without a description the checks that need masses are left out.
     let path = match &args.model {
         Some(path) => path.as_path(),
         None if robot.name == "go2" => Path::new(gaitfit::robot::GO2),
@@ -197,6 +202,7 @@ fn description(args: &Preflight, robot: &Robot) -> Result<Option<Model>, Failure
     let model = if path == Path::new(gaitfit::robot::GO2) {
         gaitfit_model::builtin::go2().map_err(Failure::failed)?
     } else {
+        // Leniently: only joints and masses count here, not what the engine can simulate.
         gaitfit_model::read(path, &ReadOptions { lenient: true, ..ReadOptions::default() })
             .map_err(Failure::failed)?
     };
@@ -272,6 +278,7 @@ fn motion(
     heard: &[Heard],
     findings: &[Finding],
 ) -> Result<Option<Flown>, Failure> {
+    // With a wrong sign or encoder a small motion can become a fast one.
     if !passed(findings) {
         note("the robot is not moved: the checks before found faults. Repair these first");
         return Ok(None);
@@ -290,6 +297,7 @@ fn motion(
         return Ok(None);
     }
     let mut link = open(args, robot, batch, For::Moving)?;
+    // One number for both: a busy machine delays the states and the loop alike.
     let patience = Duration::from_millis(args.patience.into());
     let guard = GuardSettings {
         stale: patience,

@@ -37,6 +37,7 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
     let shown = text::text(&results);
     // Beside the runs, so that a table can be read again without computing it.
     folder.write("table.txt", shown.as_bytes())?;
+    // An empty line between the progress and the table.
     output::note("");
     if args.json {
         output::print_json(&results)?;

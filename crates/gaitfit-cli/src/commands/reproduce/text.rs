@@ -60,6 +60,7 @@ fn identification(results: &Results) -> comfy_table::Table {
 fn finetuning(results: &Results) -> comfy_table::Table {
     let drifts = results.rows.iter().any(|row| row.walk.is_some_and(|walk| walk.drift.is_some()));
     let mut header = vec!["policy", "summed reward", "linear error, m/s", "angular error, rad/s", "falls, %"];
+    // Cells without drift trials would fill the column with gaps.
     header.extend(drifts.then_some("drift, m"));
     header.extend(["seconds", "in the paper"]);
     let mut rows = table(&header, &(1..header.len() - 1).collect::<Vec<_>>());

@@ -40,6 +40,7 @@ pub fn print(results: &Results, run: &cli::RunArgs) -> Result<(), Failure> {
         output::print_json(results)?;
     } else {
         output::print(&table::text(results))?;
+        // If all updates taught the critic alone, the policy is still the one that the training began with.
         if let Some(seed) = results.seeds.first().filter(|_| results.trained) {
             output::next(&[format!("gaitfit evaluate {} --report evaluation.html", seed.policy)])?;
         }

@@ -8,6 +8,7 @@ use std::fmt::Write;
 /// One row a seed, and where the files are.
 pub fn text(results: &Results) -> String {
     let mut text = String::new();
+    // This doubt must be seen before the numbers.
     for doubt in results.doubts.iter().filter(|doubt| doubt.kind == DoubtKind::NotLearnt) {
         let _ = writeln!(text, "{}: {}\n", doubt.kind.headline().to_uppercase(), doubt.text);
     }
