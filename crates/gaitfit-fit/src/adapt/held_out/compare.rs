@@ -397,8 +397,7 @@ mod tests {
             let expected = 0.5 * (alike.cost.unwrap() + wrong.cost.unwrap());
             assert!((both / expected - 1.0).abs() < 0.02, "{both} for {expected}");
             // Pooled, the simulations of one robot have less noise than each alone.
-            let draws: Vec<_> =
-                (0..8).map(|draw| blocks_of(1000 * (draw + 1) + seed, 0.1, 0.0)).collect();
+            let draws: Vec<_> = (0..8).map(|draw| blocks_of(1000 * (draw + 1) + seed, 0.1, 0.0)).collect();
             let all: Vec<usize> = (0..96).collect();
             let each: Vec<f64> =
                 draws.iter().map(|walk| chosen_blocks(cost.as_ref(), walk, &all).unwrap().total).collect();

@@ -314,12 +314,14 @@ mod tests {
         let of_eight = |falls| HeldOut { simulations: 8, falls, ..example(0.0121, 0.2, floor) };
         let (verdict, text, _) = said(of_eight(3));
         assert!(
-            verdict == Verdict::Explained && text.ends_with("falls in 3 of 128 simulated walks of these logs"),
+            verdict == Verdict::Explained
+                && text.ends_with("falls in 3 of 128 simulated walks of these logs"),
             "{text}"
         );
         let (verdict, text, _) = said(of_eight(4));
         assert!(
-            verdict == Verdict::Falls && text.contains("falls in 4 of 128 simulated walks of 16 held-out logs"),
+            verdict == Verdict::Falls
+                && text.contains("falls in 4 of 128 simulated walks of 16 held-out logs"),
             "{text}"
         );
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
