@@ -1,18 +1,20 @@
 //! MJCF `<attach>`: a body of another file, or all that its world holds, as a part of this robot.
 //!
 //! As MuJoCo 4.0 attaches it: names and classes of the other file get `prefix`, its classes do not inherit from those of this
-//! file, and those elements of its other sections come along that refer to nothing but what is attached. Its options do not
-//! count. Its keyframes are left out, which is said.
+//! file, and those elements of its other sections come along that refer to nothing but what is attached. Its meshes and
+//! height fields lie where it says. Its options do not count. Its keyframes are left out, which is said.
 
 use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 
 use crate::attributes::{Attributes, Context};
 use crate::defaults::APART;
 use crate::error::ModelError;
 use crate::options::Compiler;
-use crate::replicate::REFERRING;
+use crate::replicate::{REFERENCES, REFERRING};
 use crate::scan::{MAX_DEPTH, MAX_NODES};
 use crate::shown::shown;
+use crate::terrain::stem;
 use crate::xml::{At, Attribute, Element};
 
 /// Kinds of elements of a body whose names other sections refer to.
@@ -52,12 +54,21 @@ fn assembled(
         }
     }
     let mut models = HashMap::new();
+    let mut places = HashMap::new();
     let assets = document.children.iter().filter(|section| section.name == "asset");
     for model in assets.flat_map(|section| &section.children).filter(|child| child.name == "model") {
         // The loader has put the other document below the <model> that names it.
         let Some(root) = model.children.first() else { continue };
         let name = model.get("name").or(root.get("model")).unwrap_or("").to_owned();
         // Without a name of its own a model goes by the name that its file states.
+        if let Some(first) = places.insert(name.clone(), model.at) {
+            let message = format!(
+                "two models of <asset> are called \"{}\"; the other is at {}",
+                shown(&name),
+                ctx.sources.place(first)
+            );
+            return Err(ctx.invalid(model.at, message, "give each <model> a `name` of its own"));
+        }
         models.insert(name, root);
     }
     let mut compiler = Compiler::default();
@@ -122,7 +133,7 @@ impl Attacher<'_, '_, '_> {
         }
         // The other file may attach files itself, which are put into it first.
         let other = assembled(self.ctx, root, self.nesting + 1, self.elements)?;
-        self.check_compiler(&other, at)?;
+        let folder = self.asset_folder(&other, at)?;
         let mut parts = Vec::new();
         for world in other.children.iter().filter(|section| section.name == "worldbody") {
             match body {
@@ -142,20 +153,28 @@ impl Attacher<'_, '_, '_> {
         for part in &mut parts {
             self.rename(part, prefix, &mut names, depth + 2)?;
         }
-        self.bring_along(&other, prefix, &names, body.is_none())?;
+        self.bring_along(&other, &folder, prefix, &names, body.is_none())?;
         // The frame hands down the other file's main class, so that its parts do not get this file's defaults.
         let main = Attribute { name: "childclass".to_owned(), value: format!("{prefix}main"), at };
         Ok(Element { name: "frame".to_owned(), attributes: vec![main], children: parts, at })
     }
 
-    /// Refuses a file whose numbers mean something else than this one's.
-    fn check_compiler(&mut self, other: &Element, at: At) -> Result<(), ModelError> {
+    /// The folder of another file's meshes and height fields.
+    ///
+    /// # Errors
+    /// A file whose numbers mean something else than this one's.
+    fn asset_folder(&mut self, other: &Element, at: At) -> Result<PathBuf, ModelError> {
         let mut compiler = Compiler::default();
         for section in other.children.iter().filter(|child| child.name == "compiler") {
             compiler.read(self.ctx, section)?;
         }
         match self.compiler.differs(&compiler) {
-            None => Ok(()),
+            None => {
+                let file = PathBuf::from(self.ctx.sources.place(other.at).file);
+                // A path that is not absolute would count from this file's own folder of meshes.
+                let file = std::path::absolute(&file).unwrap_or(file);
+                Ok(file.parent().unwrap_or(Path::new("")).join(&compiler.mesh_folder))
+            }
             Some(setting) => Err(self.ctx.invalid(
                 at,
                 format!("the attached file has another `{setting}` of <compiler> than this file"),
@@ -174,7 +193,10 @@ impl Attacher<'_, '_, '_> {
     ) -> Result<(), ModelError> {
         // Files that attach each other multiply: the count bounds what a few lines can grow to.
         *self.elements += 1;
-        if *self.elements > MAX_NODES || depth > MAX_DEPTH {
+        if depth > MAX_DEPTH {
+            return Err(self.ctx.too_many(element.at, "elements inside each other", MAX_DEPTH));
+        }
+        if *self.elements > MAX_NODES {
             return Err(self.ctx.too_many(element.at, "elements with those of <attach>", MAX_NODES));
         }
         for attribute in &mut element.attributes {
@@ -189,11 +211,12 @@ impl Attacher<'_, '_, '_> {
         element.children.iter_mut().try_for_each(|child| self.rename(child, prefix, names, depth + 1))
     }
 
-    /// The classes and assets of the other file, and the elements of its sections that refer to what is attached. `whole`:
-    /// all of its bodies are attached.
+    /// The classes and assets of the other file, whose meshes lie in `folder`, and the elements of its sections that
+    /// refer to what is attached. `whole`: all of its bodies are attached.
     fn bring_along(
         &mut self,
         other: &Element,
+        folder: &Path,
         prefix: &str,
         names: &HashSet<String>,
         whole: bool,
@@ -223,10 +246,14 @@ impl Attacher<'_, '_, '_> {
                 "asset" => {
                     copy.children.retain(|child| child.name != "model");
                     for child in &mut copy.children {
+                        locate(child, folder);
                         self.rename(child, prefix, &mut HashSet::new(), 3)?;
                         // `rename` prefixes names of bodies' elements only; those of assets follow here.
                         let name = child.attributes.iter_mut().find(|attribute| attribute.name == "name");
                         name.into_iter().for_each(|name| name.value.insert_str(0, prefix));
+                        if child.name == "mesh" && child.get("class").is_none() {
+                            child.attributes.push(class.clone());
+                        }
                     }
                     self.sections.push(copy);
                 }
@@ -273,6 +300,21 @@ fn size(element: &Element) -> usize {
 /// Max depth of files that attach each other.
 const MAX_NESTING: usize = 8;
 
+/// Gives a mesh or height field the whole path of its file, which lies in `folder`, and the name that it would get
+/// from the file.
+fn locate(asset: &mut Element, folder: &Path) {
+    if !matches!(asset.name.as_str(), "mesh" | "hfield") {
+        return;
+    }
+    let mut attributes = asset.attributes.iter_mut();
+    let Some(file) = attributes.find(|one| one.name == "file" && !one.value.is_empty()) else { return };
+    let name = Attribute { name: "name".to_owned(), value: stem(&file.value).to_owned(), at: file.at };
+    file.value = folder.join(&file.value).to_string_lossy().into_owned();
+    if asset.get("name").is_none() {
+        asset.attributes.push(name);
+    }
+}
+
 /// The body of this name in or below an element.
 fn find<'e>(element: &'e Element, name: &str) -> Option<&'e Element> {
     element.children.iter().find_map(|child| {
@@ -283,24 +325,6 @@ fn find<'e>(element: &'e Element, name: &str) -> Option<&'e Element> {
 
 /// Puts `prefix` before the `names` to which an element refers; whether it refers to one, and to nothing else.
 fn refer(element: &mut Element, prefix: &str, names: &HashSet<String>) -> bool {
-    const REFERENCES: [&str; 16] = [
-        "joint",
-        "body",
-        "geom",
-        "site",
-        "body1",
-        "body2",
-        "geom1",
-        "geom2",
-        "joint1",
-        "joint2",
-        "site1",
-        "site2",
-        "jointinparent",
-        "objname",
-        "refname",
-        "cranksite",
-    ];
     // An element that also refers to something left behind would name nothing here.
     let (mut any, mut lost) = (false, false);
     for attribute in element.attributes.iter_mut().filter(|one| REFERENCES.contains(&one.name.as_str())) {

@@ -13,6 +13,7 @@ use crate::mesh::{self, Mesh, MeshError};
 use crate::model::Shape;
 use crate::options::Compiler;
 use crate::rotation::{IDENTITY, Quat, Vec3, add, normalize, rotate, rotate_back, sub};
+use crate::shown::shown;
 use crate::xml::Element;
 
 /// Max number of folders above a robot file in which a package is looked for.
@@ -123,22 +124,30 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
 pub(crate) struct Meshes(HashMap<String, MeshFile>);
 
 impl Meshes {
-    /// The meshes that the `<asset>` section names.
+    /// The meshes that the `<asset>` section names. It notes a class that does not exist.
     pub fn read(
         &mut self,
-        ctx: &Context,
+        ctx: &mut Context,
         asset: &Element,
         compiler: &Compiler,
         defaults: &Defaults,
     ) -> Result<(), ModelError> {
         // A text has no folder to look in, and only a mending reading has a use for meshes.
-        let Some(folder) = ctx.sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
+        let sources = ctx.sources;
+        let Some(folder) = sources.folder.as_ref().filter(|_| ctx.mend) else { return Ok(()) };
         for element in asset.children.iter().filter(|child| child.name == "mesh") {
             let mut a = Attributes::new(element);
             let Some(file) = a.text("file") else { continue };
             let name = a.text("name").unwrap_or_else(|| crate::terrain::stem(file));
-            let class = a.text("class").and_then(|class| defaults.find(ctx, element.at, class).ok());
-            let mut scale = defaults.class(class.unwrap_or(0)).mesh_scale;
+            let class = match a.text("class") {
+                None => 0,
+                Some(class) => defaults.find(ctx, element.at, class).unwrap_or_else(|_| {
+                    let how = format!("its default class \"{}\" does not exist: `main` counts", shown(class));
+                    ctx.note(element.at, element.label(), how);
+                    0
+                }),
+            };
+            let mut scale = defaults.class(class).mesh_scale;
             a.set_array(ctx, "scale", &mut scale)?;
             let mut frame = ([0.0; 3], IDENTITY);
             a.set_array(ctx, "refpos", &mut frame.0)?;

@@ -16,10 +16,40 @@ use crate::xml::{At, Attribute, Element};
 /// Sections whose elements refer to bodies, joints, geoms and sites.
 pub(crate) const REFERRING: [&str; 5] = ["contact", "actuator", "sensor", "tendon", "equality"];
 
+/// Attributes of their elements that hold such a reference.
+pub(crate) const REFERENCES: [&str; 19] = [
+    "joint",
+    "body",
+    "geom",
+    "site",
+    "body1",
+    "body2",
+    "geom1",
+    "geom2",
+    "joint1",
+    "joint2",
+    "site1",
+    "site2",
+    "jointinparent",
+    "objname",
+    "refname",
+    "refsite",
+    "cranksite",
+    "slidersite",
+    "sidesite",
+];
+
 /// Names that a copy gave a suffix.
 struct Copy {
     suffix: String,
     names: HashSet<String>,
+}
+
+impl Copy {
+    /// Whether an attribute refers to something copied.
+    fn has(&self, attribute: &Attribute) -> bool {
+        REFERENCES.contains(&attribute.name.as_str()) && self.names.contains(&attribute.value)
+    }
 }
 
 /// The document with all copies written out; `None` without any.
@@ -138,8 +168,7 @@ impl Expander<'_, '_> {
     /// Copies the elements of a section that refer to something copied.
     fn refer(&mut self, section: &mut Element) -> Result<(), ModelError> {
         let refers = |element: &Element, copy: &Copy| {
-            let named =
-                |attribute: &Attribute| attribute.name != "name" && copy.names.contains(&attribute.value);
+            let named = |attribute: &Attribute| copy.has(attribute);
             element.attributes.iter().any(named)
                 || element.children.iter().any(|inner| inner.attributes.iter().any(named))
         };
@@ -159,7 +188,7 @@ impl Expander<'_, '_> {
                     .chain(renamed.children.iter_mut().map(|inner| &mut inner.attributes))
                 {
                     for attribute in part.iter_mut() {
-                        if attribute.name == "name" || copy.names.contains(&attribute.value) {
+                        if attribute.name == "name" || copy.has(attribute) {
                             attribute.value.push_str(&copy.suffix);
                         }
                     }

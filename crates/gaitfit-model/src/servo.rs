@@ -87,11 +87,12 @@ fn factored_mass_matrix(model: &Model) -> Cholesky {
 fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
     let mut dofs = Vec::with_capacity(model.nv());
     if let (Root::Floating, Some(base)) = (model.root, frames.first()) {
-        // A free joint: three translations, then three rotations, about the base's origin.
+        let armature = model.free_joint.map_or(0.0, |free| free.armature);
+        // A free joint: three translations, then three rotations, about the base's origin. Armature is alike on all.
         for kind in [JointKind::Slide, JointKind::Hinge] {
             for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
                 let axis = JointAxis { kind, axis, anchor: base.position };
-                dofs.push(Dof { body: 0, axis, armature: 0.0 });
+                dofs.push(Dof { body: 0, axis, armature });
             }
         }
     }

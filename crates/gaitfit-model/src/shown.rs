@@ -90,9 +90,22 @@ pub fn argument(path: &Path) -> String {
         return text.into_owned();
     }
     if text.chars().any(commands) {
-        // The path's own backslashes come first: `escaped` adds others for control characters.
-        let inner = text.replace('\\', "\\\\").replace('\'', "\\'");
-        return format!("$'{}'", escaped(&inner, MAX_PATH_CHARS));
+        // Whole, however long: a part of a path names another file.
+        let mut inner = String::new();
+        for c in text.chars() {
+            match c {
+                '\\' | '\'' | '\n' | '\r' | '\t' => inner.extend(c.escape_default()),
+                // Byte by byte: shells do not know Rust's `\u{1b}`.
+                c if commands(c) => {
+                    let mut bytes = [0; 4];
+                    for byte in c.encode_utf8(&mut bytes).bytes() {
+                        inner.push_str(&format!("\\x{byte:02x}"));
+                    }
+                }
+                c => inner.push(c),
+            }
+        }
+        return format!("$'{inner}'");
     }
     format!("'{}'", text.replace('\'', "'\\''"))
 }
@@ -190,10 +203,13 @@ mod tests {
             ("my robot.toml", "'my robot.toml'"),
             ("it's.toml", r"'it'\''s.toml'"),
             ("m\n2.toml", r"$'m\n2.toml'"),
+            ("a\u{1b}[2J'\\\u{200b}b", r"$'a\x1b[2J\'\\\xe2\x80\x8bb'"),
             ("", "''"),
         ] {
             assert_eq!(argument(Path::new(path)), text);
         }
+        let long = "a".repeat(2000);
+        assert_eq!(argument(Path::new(&format!("{long}\t"))), format!(r"$'{long}\t'"));
     }
 
     #[test]

@@ -96,11 +96,15 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
             };
             [end(-1.0), end(1.0)].concat()
         }
-        Shape::Cylinder { radius, half_length } if radius <= max => vec![Part {
-            shape: Shape::Capsule { radius, half_length: (half_length - radius).max(0.0) },
+        Shape::Cylinder { radius, half_length } if radius <= max.min(half_length) => vec![Part {
+            shape: Shape::Capsule { radius, half_length: half_length - radius },
             position: [0.0; 3],
             quaternion: IDENTITY,
         }],
+        // A disc that one layer of balls fills.
+        Shape::Cylinder { radius, half_length } if radius <= max && half_length <= small => {
+            rim(radius - half_length, 0.0, half_length)
+        }
         Shape::Cylinder { radius, half_length } => {
             let small = small.min(half_length);
             // Inside the cylinder, so that its outline stays the same.
@@ -170,6 +174,9 @@ mod tests {
             (Shape::Capsule { radius: 0.06, half_length: 0.1 }, 0.02),
             (Shape::Cylinder { radius: 0.05, half_length: 0.02 }, 0.025),
             (Shape::Cylinder { radius: 0.02, half_length: 0.1 }, 0.02),
+            (Shape::Cylinder { radius: 0.02, half_length: 0.02 }, 0.01),
+            (Shape::Cylinder { radius: 0.02, half_length: 0.005 }, 0.007),
+            (Shape::Cylinder { radius: 0.024, half_length: 0.022 }, 0.012),
             (Shape::Box { half_size: [0.2, 0.05, 0.06] }, 0.016),
             (Shape::Box { half_size: [0.012, 0.1, 0.017] }, 0.02),
         ] {

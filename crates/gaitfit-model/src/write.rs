@@ -30,8 +30,9 @@ impl Model {
         if !comments.is_empty() {
             text.push_str("<!--\n");
             for line in comments {
-                // Two hyphens would end the comment.
-                let _ = writeln!(text, "  {}", line.replace("--", "- -"));
+                // Two hyphens would end the comment. The second pass takes those that the first leaves of longer rows.
+                let line = line.replace("--", "- -").replace("--", "- -");
+                let _ = writeln!(text, "  {line}");
             }
             text.push_str("-->\n");
         }

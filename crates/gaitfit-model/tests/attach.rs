@@ -1,7 +1,7 @@
 //! Bodies of other files (`<attach>`): what MuJoCo 4.0.0 makes of the same files.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_model::{Model, ModelError, ReadOptions, read};
+use gaitfit_model::{Form, Model, ModelError, ObstacleShape, ReadOptions, read};
 
 const ARM: &str = r#"<mujoco model="arm">
   <compiler angle="radian"/><option timestep="0.005" gravity="0 0 -3"/>
@@ -148,6 +148,11 @@ fn what_cannot_be_attached_is_named() {
         ),
         (one(r#"model="arm" body="base" prefix="L_""#), "<mujoco>", "arm.xml"),
         (one(r#"model="arm""#).replace("parts/arm.xml", "none.xml"), ARM, "cannot read"),
+        (
+            one("").replace("</asset>", "<model name=\"arm\" file=\"parts/arm.xml\"/></asset>"),
+            ARM,
+            "two models of <asset> are called \"arm\"; the other is at ",
+        ),
     ] {
         let found = error(&robot, arm);
         assert!(found.contains(wanted), "`{wanted}` is not in `{found}`");
@@ -156,7 +161,37 @@ fn what_cannot_be_attached_is_named() {
     let own = ARM.replace("<worldbody>", "<asset><model name=\"me\" file=\"arm.xml\"/></asset><worldbody>");
     let found = error(&robot(BOTH, "radian"), &own);
     assert!(found.contains("more than 64 files named by <model>, or one that names itself"), "{found}");
+    let frames = |inner: &str| "<frame>".repeat(60) + inner + &"</frame>".repeat(60);
+    let deep = robot(&frames(r#"<attach model="arm" body="base"/>"#), "radian");
+    let found = error(&deep, &ARM.replace("<site ", &(frames("") + "<site ")));
+    assert!(found.contains("more than 100 elements inside each other"), "{found}");
     let many = (0..20_000).map(|number| format!("<attach model=\"arm\" prefix=\"p{number}\"/>"));
     let found = error(&robot(&many.collect::<String>(), "radian"), ARM);
     assert!(found.contains("elements with those of <attach>"), "{found}");
+}
+
+/// Files and defaults of an attached file's assets are its own.
+#[test]
+fn assets_lie_where_the_attached_file_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir_all(path("parts/maps")).unwrap();
+    // Rows, columns, then heights from 0 to 8.
+    let counts = [3_i32, 3].into_iter().flat_map(i32::to_le_bytes);
+    let heights = (0..9_u8).flat_map(|height| f32::from(height).to_le_bytes());
+    std::fs::write(path("parts/maps/hills.bin"), counts.chain(heights).collect::<Vec<u8>>()).unwrap();
+    let ball = r#"<mujoco model="ball"><compiler meshdir="maps"/><default><mesh scale="2 2 2"/></default>
+        <asset><hfield file="hills.bin" size="1 1 0.4 0.1"/><mesh file="ball.stl"/></asset>
+        <worldbody><geom type="hfield" hfield="hills"/><body name="ball"><freejoint/><geom size="0.1"/>
+        <geom type="mesh" mesh="ball" mass="0" contype="0" conaffinity="0"/></body></worldbody></mujoco>"#;
+    std::fs::write(path("parts/ball.xml"), ball).unwrap();
+    let robot = r#"<mujoco><compiler meshdir="meshes"/><asset><model name="ball" file="parts/ball.xml"/></asset>
+        <worldbody><attach model="ball" prefix="a_"/></worldbody></mujoco>"#;
+    std::fs::write(path("robot.xml"), robot).unwrap();
+    let model = read(&path("robot.xml"), &ReadOptions { mend: true, ..ReadOptions::default() }).unwrap();
+    let ObstacleShape::Field(field) = &model.obstacles[0].shape else { panic!("{:?}", model.obstacles) };
+    assert_eq!((field.rows, field.columns, field.heights[8]), (3, 3, 0.4));
+    let Form::Mesh(mesh) = &model.outlines[0].form else { panic!("{:?}", model.outlines) };
+    assert_eq!((&mesh.file, mesh.scale), (&path("parts/maps/ball.stl"), [2.0; 3]));
+    assert!(model.changed.is_empty(), "{:?}", model.changed);
 }

@@ -161,6 +161,33 @@ fn links_without_mass_get_that_of_their_mesh() {
 }
 
 #[test]
+fn parts_that_are_only_seen_refuse_no_robot() {
+    let folder = tempfile::tempdir().unwrap();
+    let seen = |at: &str| {
+        format!("<visual><origin xyz=\"{at}\"/><geometry><box size=\"0.1 0.2 0.3\"/></geometry></visual>")
+    };
+    let text = urdf(&format!(
+        "<link name=\"a\">{}{}{}</link><link name=\"b\">{}</link>{}",
+        inertial(1.0),
+        seen("0 0 far"),
+        seen("0 0 1"),
+        inertial(1.0),
+        joint("hip", "revolute", "a", "b", LIMIT)
+    ));
+    let file = folder.path().join("r.urdf");
+    std::fs::write(&file, text).unwrap();
+    assert!(read(&file, &ReadOptions::default()).unwrap().outlines.is_empty());
+    let outlines = read(&file, &mending()).unwrap().outlines;
+    assert_eq!(outlines.iter().map(|one| one.pos).collect::<Vec<_>>(), [[0.0, 0.0, 1.0]]);
+
+    let text = "<mujoco><asset><mesh class=\"gone\" file=\"cube.stl\"/></asset><worldbody><body name=\"a\"><freejoint/><geom size=\".1\"/>\
+        <geom type=\"mesh\" mesh=\"cube\" mass=\"0\" contype=\"0\" conaffinity=\"0\"/></body></worldbody></mujoco>";
+    let file = folder.path().join("r.xml");
+    std::fs::write(&file, text).unwrap();
+    says(&read(&file, &mending()).unwrap(), &["<mesh> its default class \"gone\" does not exist"]);
+}
+
+#[test]
 fn foreign_words_of_other_programs_are_listed() {
     let text = urdf(&format!(
         "<link name=\"a\"><origin xyz=\"0 0 0\"/><self_filter/><collision_checking/>{}</link><link name=\"b\">{}</link>{}",
@@ -175,7 +202,7 @@ fn foreign_words_of_other_programs_are_listed() {
 
 /// What is written reads as the same robot, but for the last bits of orientations.
 fn written(model: &Model) -> Model {
-    let text = model.to_mjcf(&["a comment -- with hyphens".to_owned()], None).unwrap();
+    let text = model.to_mjcf(&["a comment -- with --- many ---- hyphens -".to_owned()], None).unwrap();
     read_mjcf_str(&text, &ReadOptions::default()).unwrap()
 }
 

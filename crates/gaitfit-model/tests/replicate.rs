@@ -1,7 +1,7 @@
 //! Copies of `<replicate>` and springs of `springdamper`: what MuJoCo 4.0 makes of the same texts.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_model::{Model, ModelError, ReadOptions, read_mjcf_str};
+use gaitfit_model::{Model, ModelError, ReadOptions, Root, read_mjcf_str};
 
 fn legs(count: &str, more: &str) -> Result<Model, ModelError> {
     let text = format!(
@@ -55,6 +55,17 @@ fn copies_of_copies_have_both_numbers_and_their_count_is_bounded() {
     }
 }
 
+/// A class may have a body's name, and a number may be a joint's name.
+#[test]
+fn only_references_to_copies_get_their_number() {
+    let text = "<mujoco><default><default class=\"leg\"><motor gear=\"3\"/></default></default><worldbody><body name=\"base\"><freejoint/>\
+        <geom size=\".1\"/><replicate count=\"2\"><body name=\"leg\"><joint name=\"1\"/><geom size=\".02\"/></body></replicate></body></worldbody>\
+        <actuator><motor class=\"leg\" joint=\"1\"/><position joint=\"1\" kp=\"1\"/></actuator></mujoco>";
+    let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
+    let actuators: Vec<_> = model.actuators.iter().map(|one| (one.joint, one.gear, one.gain)).collect();
+    assert_eq!(actuators, [(0, 3.0, 1.0), (0, 1.0, 1.0), (1, 3.0, 1.0), (1, 1.0, 1.0)]);
+}
+
 #[test]
 fn springs_of_a_time_constant_are_mujocos() {
     let text = |flag: &str| {
@@ -75,4 +86,25 @@ fn springs_of_a_time_constant_are_mujocos() {
     );
     assert_eq!(joint("spring=\"disable\"").0, 0.0);
     assert_eq!(joint("damper=\"disable\"").1, 0.0);
+}
+
+/// A base with an armature like a ship's hardly moves: the joint's spring is that of a clamped robot.
+#[test]
+fn springs_of_a_time_constant_see_the_armature_of_the_base() {
+    let joint = |base: &str, options: &ReadOptions| {
+        let text = format!(
+            "<mujoco><worldbody><body name=\"base\">{base}<geom size=\".1\"/><body pos=\"0 0 -.2\"><joint name=\"hip\" axis=\"0 1 0\" \
+             springdamper=\"0.1 0.7\"/><geom size=\".05\" pos=\"0 0 -.1\"/></body></body></worldbody></mujoco>"
+        );
+        let model = read_mjcf_str(&text, options).unwrap();
+        (model.joints[0].stiffness, model.joints[0].damping)
+    };
+    let floating = ReadOptions::default();
+    let heavy = joint("<joint type=\"free\" armature=\"1e7\"/>", &floating);
+    let clamped = joint("<freejoint/>", &ReadOptions { root: Some(Root::Fixed), ..floating.clone() });
+    let light = joint("<freejoint/>", &floating);
+    for (found, wanted) in [(heavy.0, clamped.0), (heavy.1, clamped.1)] {
+        assert!((found / wanted - 1.0).abs() < 1e-5, "{heavy:?} {clamped:?}");
+    }
+    assert!(light.0 < 0.9 * heavy.0, "{light:?} {heavy:?}");
 }

@@ -202,6 +202,8 @@ impl<T: Real> Params<Dual<T>> {
     /// of the same model.
     pub fn along(values: &Params<T>, tangents: &Params<T>) -> Self {
         let mut all = Self::zeros(values.links.len(), values.joints.len(), values.pairs.len());
+        // `zeros` makes no numbers of a free joint.
+        all.free = vec![Dual::zero(); values.free.len()];
         let mut numbers = Vec::new();
         values.visit(|_, &number| numbers.push(number));
         let mut slopes = Vec::with_capacity(numbers.len());
@@ -214,5 +216,34 @@ impl<T: Real> Params<Dual<T>> {
             }
         });
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_along_a_direction_have_the_numbers_of_their_free_joint() {
+        let mut values = Params::<f64>::zeros(1, 1, 1);
+        values.free = vec![0.0; 2];
+        let mut tangents = values.clone();
+        let mut next = 0.0;
+        for params in [&mut values, &mut tangents] {
+            params.visit_mut(|_, number| {
+                next += 1.0;
+                *number = next;
+            });
+        }
+        let mut wanted = Vec::new();
+        values.visit(|slot, &value| wanted.push((slot, value)));
+        let mut slopes = Vec::new();
+        tangents.visit(|_, &tangent| slopes.push(tangent));
+        let (mut found, mut found_slopes) = (Vec::new(), Vec::new());
+        Params::along(&values, &tangents).visit(|slot, number| {
+            found.push((slot, number.value));
+            found_slopes.push(number.tangent);
+        });
+        assert_eq!((found, found_slopes), (wanted, slopes));
     }
 }

@@ -5,6 +5,7 @@ use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{Damping, Isa, Preset, Robot, Settings, Tree, compile, delay_taps};
 
 use crate::SimError;
+use crate::batch::MAX_SUBSTEPS;
 
 /// One log to replay, in the MODEL's joint order.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,7 +91,7 @@ impl Replay {
     /// # Errors
     /// [`SimError::Recording`] names the recording and what is wrong with it.
     pub fn new(model: &Model, recordings: Vec<Recording>, options: ReplayOptions) -> Result<Self, SimError> {
-        if options.substeps == 0 || options.substeps > 1000 {
+        if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
             let value = options.substeps.to_string();
             return Err(SimError::Option { option: "substeps", value, must: "from 1 to 1000" });
         }

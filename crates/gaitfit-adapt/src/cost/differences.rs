@@ -56,6 +56,10 @@ impl<'a> Differences<'a> {
         lost: f64,
     ) -> Result<Vec<f32>, CostError> {
         let reference = self.reference;
+        let count = reference.recordings();
+        if recording >= count {
+            return Err(CostError::UnknownRecording { recording, count });
+        }
         let width = self.width();
         let rows = reference.samples(recording) - reference.skip();
         // Rows are samples, columns the compared dimensions of all signals; every candidate gets the same layout.
@@ -92,5 +96,24 @@ impl<'a> Differences<'a> {
             }
         }
         Ok(differences)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::cost::Recorded;
+
+    #[test]
+    fn a_recording_that_is_not_there_is_refused() {
+        let ramp = vec![0.0, 1.0, 3.0];
+        let recorded = Recorded { position: ramp.clone(), velocity: ramp, ..Recorded::default() };
+        let reference = Reference::new(vec!["hip".into()], &[recorded], 1).unwrap();
+        let differences = Differences::new(&reference, Weights::JOINTS);
+        let signals = Signals::of_joints(&[0.0; 3], &[0.0; 3]);
+        assert_eq!(differences.compute(0, signals).unwrap().len(), differences.count());
+        let unknown = CostError::UnknownRecording { recording: 1, count: 1 };
+        assert_eq!(differences.compute(1, signals), Err(unknown));
     }
 }

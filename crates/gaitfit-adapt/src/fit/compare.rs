@@ -68,8 +68,9 @@ pub fn compare(
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {
             let rise = |costs: &[Option<f64>], best: f64| {
-                // A diverged candidate has no rise; the reason then says so.
-                costs.get(at).copied().flatten().map(|cost| cost / best - 1.0)
+                // A diverged candidate has no rise; the reason then says so. An equal cost has none either, also of 0.
+                let rise = |cost: f64| if cost == best { 0.0 } else { cost / best - 1.0 };
+                costs.get(at).copied().flatten().map(rise)
             };
             reason(
                 first,
@@ -103,11 +104,13 @@ fn reason(
     b: &ParameterOutcome,
 ) -> String {
     let said = |rise: Option<f64>| match rise {
-        Some(rise) => format!("{:+.1} %", 100.0 * rise),
+        // There is no percentage of 0.
+        Some(rise) if rise.is_infinite() => "from 0".to_owned(),
+        Some(rise) => format!("by {:+.1} %", 100.0 * rise),
         None => "until the simulation diverges".to_owned(),
     };
     let mut text = format!(
-        "{}: with the other fit's value, all else equal, the {} cost changes by {} and the {} cost by {}",
+        "{}: with the other fit's value, all else equal, the {} cost changes {} and the {} cost {}",
         a.name,
         first.cost,
         said(first_rise),
@@ -191,5 +194,15 @@ mod tests {
         assert_eq!(agreements[1].agrees, Some(false));
         let reason = agreements[1].reason.as_deref().unwrap();
         assert!(reason.contains("+50.0 %") && reason.contains("wass hardly sees it"), "{reason}");
+    }
+
+    #[test]
+    fn a_cost_of_0_has_no_percentage() {
+        let first = CostOutcome { best_cost: 0.0, ..outcome("matcho", &[0.5, 0.2], 0.01) };
+        let second = CostOutcome { best_cost: 0.0, ..outcome("wass", &[0.5, 0.3], 0.01) };
+        let agreements = compare(&first, &second, |_| Ok(vec![Some(0.25)]), |_| Ok(vec![Some(0.0)])).unwrap();
+        let reason = agreements[1].reason.as_deref().unwrap();
+        let wanted = "the matcho cost changes from 0 and the wass cost by +0.0 %; wass hardly sees it";
+        assert!(reason.contains(wanted), "{reason}");
     }
 }

@@ -5,7 +5,8 @@
 //! computed anew without each group, which covers what the choice of recordings and the simulation's own randomness
 //! do to it (Efron and Stein 1981, eq. 1.1, in groups). The interval ends where the rise exceeds its standard error.
 //! For a smooth cost with curvature H and a gradient of noise s the rise is ½Hδ² and its error sδ, so the interval is
-//! δ = 2 s/H: two standard errors of the estimate to either side.
+//! δ = 2 s/H: two standard errors of the estimate to either side. Noise n that does not grow, as of one recording, gives
+//! δ = √(2 n/H).
 //!
 //! Here the other parameters stay where they are. What they can make up for, and what other simulators would have
 //! found, [`joint`] adds.
@@ -85,6 +86,7 @@ pub fn identify(
 
     // Without a floor rounding would pass for a rise of the cost.
     let floor = FLOOR.0 + FLOOR.1 * centre[0].abs();
+    // The part of the noise that does not grow with the distance.
     let (noise, fixed) = if views.count() > 1 {
         (NoiseSource::Recordings, 0.0)
     } else {
@@ -95,10 +97,11 @@ pub fn identify(
             None => (NoiseSource::Assumed, ASSUMED * centre[0]),
         }
     };
+    let fixed = fixed.max(floor);
     let rise = |costs: &Vec<f64>| {
         let rises: Vec<f64> = costs.iter().zip(&centre).map(|(there, here)| there - here).collect();
         // The first view holds all recordings. The others leave a group out, for the jackknife.
-        (rises[0], jackknife(&rises[1..]).max(fixed).max(floor))
+        (rises[0], jackknife(&rises[1..]).max(fixed))
     };
 
     // All points of all entries are one list, so that few large batches simulate them.
@@ -128,11 +131,11 @@ pub fn identify(
             let charge = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
             charge(&moved) - charge(values)
         };
-        verdict(entry, values[at], &rises, noise, charged)
+        verdict(entry, values[at], &rises, (noise, fixed), charged)
     };
     let mut identifications: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
     let around =
-        Around { simulator, theta, values, views: &views, centre: &centre, draw, rise: &rise, cancel };
+        Around { simulator, theta, values, views: &views, centre: &centre, draw, rise: &rise, fixed, cancel };
     joint(&around, alternatives, &mut identifications)?;
     Ok(identifications)
 }
@@ -202,12 +205,13 @@ fn scan(at: usize, entry: &Entry, value: f64) -> Vec<Point> {
     points
 }
 
-/// `charged` is what regularisation and priors add at a value: part of what the search minimises, not of what the data say.
+/// `fixed` is the part of the noise that does not grow. `charged` is what regularisation and priors add at a value: part of
+/// what the search minimises, not of what the data say.
 fn verdict(
     entry: &Entry,
     value: f64,
     points: &[(f64, Rise)],
-    noise: NoiseSource,
+    (noise, fixed): (NoiseSource, f64),
     charged: impl Fn(f64) -> f64,
 ) -> Identification {
     let side = |below: bool| -> (f64, f64) {
@@ -218,7 +222,7 @@ fn verdict(
             .map(|(at, rise)| ((at - value).abs(), *rise))
             .collect();
         side.sort_by(|a, b| a.0.total_cmp(&b.0));
-        end(&side)
+        end(&side, fixed)
     };
     let ((down, rise_down), (up, rise_up)) = (side(true), side(false));
     let (lower, upper) = ((value - down).max(entry.lower), (value + up).min(entry.upper));
@@ -236,8 +240,9 @@ fn verdict(
 }
 
 /// How far out the cost rises no more than its noise, and the noise there. `side` is ordered by distance. Beyond the
-/// last point whose rise is noise the end is found by the two's growth: the rise as δ², the noise as δ or not at all.
-pub(super) fn end(side: &[(f64, Rise)]) -> (f64, f64) {
+/// last point whose rise is noise the end is found by the two's growth: the rise as δ², the noise as δ, but for the part
+/// `fixed`, which does not grow.
+pub(super) fn end(side: &[(f64, Rise)], fixed: f64) -> (f64, f64) {
     let within = |rise: &Rise| rise.is_some_and(|(rise, noise)| rise <= noise);
     let last = side.iter().rposition(|(_, rise)| within(rise));
     let from = last.map_or(0.0, |last| side[last].0);
@@ -246,7 +251,10 @@ pub(super) fn end(side: &[(f64, Rise)]) -> (f64, f64) {
         None => (from, noise_from),
         // The simulation diverges somewhere before this point; the middle is the best guess.
         Some((to, None)) => (0.5 * (from + to), noise_from),
-        Some((to, Some((rise, noise)))) => ((to * noise / rise).clamp(from, *to), *noise),
+        Some((to, Some((rise, noise)))) => {
+            let part = (noise / rise).max((fixed / rise).sqrt());
+            ((to * part).clamp(from, *to), *noise)
+        }
     }
 }
 
@@ -259,10 +267,14 @@ mod tests {
         // Rise δ², noise 0.3 δ: they meet at 0.3.
         let point = |delta: f64| (delta, Some((delta * delta, 0.3 * delta)));
         let side = [0.1, 0.2, 0.5, 1.0].map(point);
-        assert!((end(&side).0 - 0.3).abs() < 1e-12);
-        assert_eq!(end(&[0.1, 0.2].map(point)).0, 0.2, "flat up to the bound");
-        assert_eq!(end(&[point(0.1), (0.3, None)]).0, 0.2, "divergence ends it");
-        assert_eq!(end(&[]), (0.0, 0.0), "at a bound there is no side");
+        assert!((end(&side, 0.0).0 - 0.3).abs() < 1e-12);
+        assert_eq!(end(&[0.1, 0.2].map(point), 0.0).0, 0.2, "flat up to the bound");
+        assert_eq!(end(&[point(0.1), (0.3, None)], 0.0).0, 0.2, "divergence ends it");
+        assert_eq!(end(&[], 0.0), (0.0, 0.0), "at a bound there is no side");
+        // Rise δ², noise 0.09 everywhere: they meet at 0.3 too.
+        let side = [0.1, 0.2, 0.5, 1.0].map(|delta: f64| (delta, Some((delta * delta, 0.09))));
+        assert!((end(&side, 0.09).0 - 0.3).abs() < 1e-12);
+        assert!((end(&side[2..], 0.09).0 - 0.3).abs() < 1e-12, "also without a point before it");
     }
 
     #[test]
@@ -279,7 +291,7 @@ mod tests {
         };
         let better = |rise: f64| {
             let points = [(0.4, Some((rise, 0.1))), (0.6, Some((1.0, 0.1)))];
-            verdict(&entry, 0.5, &points, NoiseSource::Recordings, |_| 0.0).better
+            verdict(&entry, 0.5, &points, (NoiseSource::Recordings, 0.0), |_| 0.0).better
         };
         assert_eq!((better(-0.29), better(-0.31)), (None, Some(0.4)));
     }

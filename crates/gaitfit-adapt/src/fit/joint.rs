@@ -36,6 +36,8 @@ pub(super) struct Around<'a> {
     pub(super) draw: u64,
     /// The rise of costs, one a view, above those at the values, and the part of it that may be noise.
     pub(super) rise: &'a dyn Fn(&Vec<f64>) -> (f64, f64),
+    /// The part of that noise that does not grow with the distance from the values.
+    pub(super) fixed: f64,
     pub(super) cancel: &'a Cancel<'a>,
 }
 

@@ -60,7 +60,7 @@ pub(super) fn reach(
             .map(|(step, costs)| (*step, costs.as_ref().map(|costs| (around.rise)(costs))))
             .collect();
         // One number for all: along the valley the parameters move together.
-        let far = end(&rises).0;
+        let far = end(&rises, around.fixed).0;
         for (one, by) in free.iter().zip(&along) {
             identifications[one.entry].reach(&entries[one.entry], around.values[one.entry] + far * by);
         }

@@ -39,7 +39,7 @@ pub use sharing::Sharing;
 use gaitfit_model::patterns::PatternError;
 use gaitfit_model::{shown, shown_number};
 use gaitfit_sim::Candidate;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -245,7 +245,7 @@ impl Theta {
 
     /// Refuses equal names, and two modifications that set the same thing of the same joint.
     fn check(&self) -> Result<(), ThetaError> {
-        let mut names: HashMap<&str, ()> = HashMap::new();
+        let mut names: HashSet<&str> = HashSet::new();
         // Owner and first entry of each pair of kind and joint; "" stands for the whole robot.
         let mut set: HashMap<(&str, &str), (usize, &str)> = HashMap::new();
         for (number, (_, part)) in self.parts().enumerate() {
@@ -264,7 +264,7 @@ impl Theta {
                         });
                     }
                 }
-                if names.insert(&entry.name, ()).is_some() {
+                if !names.insert(&entry.name) {
                     return Err(ThetaError::SameName(entry.name.clone()));
                 }
             }

@@ -26,7 +26,12 @@ pub(super) fn show(
     let mut forms = Vec::new();
     for child in &element.children {
         match child.name.as_str() {
-            "origin" => pose = read_origin(ctx, child)?,
+            "origin" => match read_origin(ctx, child) {
+                Ok(origin) => pose = origin,
+                // Nobody knows where the visual is.
+                Err(_) if !colliding => return Ok(()),
+                Err(error) => return Err(error),
+            },
             "geometry" => forms.extend(child.children.iter().filter_map(|shape| {
                 let mut a = Attributes::new(shape);
                 let length = |value: f64| (value > 0.0).then_some(value);

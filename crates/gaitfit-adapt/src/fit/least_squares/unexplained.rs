@@ -9,7 +9,7 @@
 use super::normal::{Loss, Normal};
 use super::residuals::{Problem, Residuals};
 use super::sensitivity::inverse;
-use super::{Around, GaussNewton, MIN_DAMPING, around};
+use super::{Around, FIRST_DAMPING, GaussNewton, around};
 use crate::fit::FitError;
 use serde::{Deserialize, Serialize};
 
@@ -74,7 +74,7 @@ pub fn descend(
     let mut search = GaussNewton {
         generation: 0,
         values: values.to_vec(),
-        damping: MIN_DAMPING.max(super::FIRST_DAMPING),
+        damping: FIRST_DAMPING,
         best: None,
         stop: None,
     };
