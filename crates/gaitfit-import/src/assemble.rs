@@ -5,7 +5,8 @@ use crate::join::Joined;
 use crate::mapping::Mapping;
 use crate::table::Source;
 use gaitfit_log::column_names::{
-    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, PROJECTED_GRAVITY, ROLL_PITCH_YAW,
+    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION, PROJECTED_GRAVITY,
+    ROLL_PITCH_YAW,
 };
 use gaitfit_log::{
     BaseState, Finding, Gains, MotorColumns, Trajectory, fold, gains_of_columns, measured_rate,
@@ -44,6 +45,17 @@ impl Columns<'_> {
     fn group(&self, names: &[&str]) -> Option<Vec<f64>> {
         let present: Option<Vec<&Vec<f64>>> = names.iter().map(|name| self.columns.get(*name)).collect();
         present.map(|present| interleave(&present, self.samples))
+    }
+
+    /// The place in a motion; `left_out` gains it if it is not known at every sample, as a log must have it.
+    fn motion(&self, left_out: &mut Vec<String>) -> Option<Vec<f64>> {
+        let whole = self.group(&MOTION).filter(|motion| motion.iter().all(|value| value.is_finite()));
+        if whole.is_none() && MOTION.iter().any(|name| self.columns.contains_key(*name)) {
+            left_out.push(
+                "motion_time and motion_heading: a log needs both, with a number at every sample".into(),
+            );
+        }
+        whole
     }
 
     /// The base at the times `time`.
@@ -141,6 +153,7 @@ pub(crate) fn trajectory(
     noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
     noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
     let command = all.group(&COMMAND);
+    let motion = all.motion(left_out);
     let has_quaternion = BASE_QUATERNION.iter().all(|name| columns.contains_key(*name));
     // Angles are needed again only if the orientation was made of them: their order or unit may be wrong.
     let angles = all.group(&ROLL_PITCH_YAW).filter(|_| !has_quaternion && mapping.imu.mounting.is_none());
@@ -157,7 +170,7 @@ pub(crate) fn trajectory(
         target,
         action,
         command,
-        motion: None,
+        motion,
         base: (base != BaseState::default()).then_some(base),
         gains,
         lead,

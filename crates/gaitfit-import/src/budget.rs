@@ -2,6 +2,7 @@
 
 use crate::budget_error::{BudgetError, UnpackError};
 use crate::problem::Problem;
+use ruzstd::decoding::{FrameDecoder, StreamingDecoder};
 
 /// Values and bytes that may still be made.
 #[derive(Debug)]
@@ -55,15 +56,64 @@ pub(crate) fn read_all(
     Ok(out)
 }
 
-/// Unpacks one or more Zstandard frames.
+/// Whether a Zstandard file begins so: with a frame, or one to skip (RFC 8878, clause 3.1), as pzstd writes them.
+pub(crate) fn is_zstd(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) || matches!(bytes, [0x50..=0x5f, 0x2a, 0x4d, 0x18, ..])
+}
+
+/// Unpacks one or more Zstandard frames. Zeros behind them are padding.
 pub(crate) fn unzstd(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, Problem> {
-    let mut input = bytes;
-    let decoder = ruzstd::decoding::StreamingDecoder::new(&mut input)
-        .map_err(|error| UnpackError::NoFrame(error.to_string()))?;
-    read_all(decoder, budget, "zstd")
+    let no_frame = |what: String| Problem::from(UnpackError::NoFrame(what));
+    let mut rest = bytes;
+    let mut out = Vec::new();
+    // One decoder for all: a frame of some bytes may ask for a large window.
+    let mut frames = FrameDecoder::new();
+    loop {
+        if let [0x50..=0x5f, 0x2a, 0x4d, 0x18, a, b, c, d, content @ ..] = rest {
+            // A frame to skip states only its length.
+            let length = u32::from_le_bytes([*a, *b, *c, *d]) as usize;
+            rest =
+                content.get(length..).ok_or_else(|| no_frame("a frame to skip is cut short".to_owned()))?;
+        } else {
+            let decoder = StreamingDecoder::new_with_decoder(&mut rest, &mut frames)
+                .map_err(|error| no_frame(error.to_string()))?;
+            let mut content = read_all(decoder, budget, "zstd")?;
+            // Most files have one frame, which is not copied.
+            if out.is_empty() {
+                out = content;
+            } else {
+                out.append(&mut content);
+            }
+        }
+        if rest.iter().all(|byte| *byte == 0) {
+            return Ok(out);
+        }
+    }
 }
 
 /// Unpacks an LZ4 frame.
 pub(crate) fn unlz4(bytes: &[u8], budget: &mut Budget) -> Result<Vec<u8>, Problem> {
     read_all(lz4_flex::frame::FrameDecoder::new(bytes), budget, "lz4")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+
+    #[test]
+    fn all_frames_are_unpacked_within_one_budget() -> Result<(), Problem> {
+        let frame = |text: &str| compress_to_vec(text.as_bytes(), CompressionLevel::Fastest);
+        let skipped = |length: u8| [&[0x5a, 0x2a, 0x4d, 0x18, length, 0, 0, 0][..], b"note"].concat();
+        let packed = [skipped(4), frame("one "), frame(""), skipped(4), frame("two"), vec![0; 5]].concat();
+        assert!(is_zstd(&packed) && is_zstd(&frame("one")));
+        let mut budget = Budget::new(0, 7);
+        assert_eq!(unzstd(&packed, &mut budget)?, b"one two");
+        assert_eq!(budget.bytes_left(), 0);
+        assert!(unzstd(&packed, &mut Budget::new(0, 6)).is_err());
+        for wrong in [Vec::new(), skipped(5), [frame("one"), b"and more".to_vec()].concat()] {
+            assert!(unzstd(&wrong, &mut Budget::new(0, 100)).is_err());
+        }
+        Ok(())
+    }
 }

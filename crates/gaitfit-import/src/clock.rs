@@ -3,7 +3,7 @@
 use crate::ImportError;
 use crate::known::PER_JOINT;
 use crate::table::Table;
-use gaitfit_log::{EvenRows, Lost, Spacing, Stamps, look_at_stamps, rate_of_velocities, spacing};
+use gaitfit_log::{EvenRows, Lost, Spacing, Stamps, is_news, look_at_stamps, rate_of_velocities, spacing};
 use gaitfit_model::shown_number;
 use serde::Serialize;
 
@@ -267,8 +267,7 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
 /// Whether the values of `row` differ from those of the row before.
 fn is_new(table: &Table, row: usize) -> bool {
     table.columns.values().any(|column| match (column.get(row), column.get(row - 1)) {
-        // Two NaN count as one value: a missing cell that repeats is no news.
-        (Some(own), Some(before)) => own != before && !(own.is_nan() && before.is_nan()),
+        (Some(own), Some(before)) => is_news(*own, *before),
         _ => false,
     })
 }

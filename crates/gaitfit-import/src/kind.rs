@@ -1,5 +1,6 @@
 //! Which kind of file it is, by its first bytes.
 
+use crate::budget::is_zstd;
 use crate::{mcap, sqlite, torch};
 
 /// First and last bytes of a Parquet file.
@@ -60,7 +61,7 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Mcap)
     } else if starts(sqlite::MAGIC) {
         Some(Kind::Sqlite)
-    } else if starts(&[0x28, 0xb5, 0x2f, 0xfd]) {
+    } else if is_zstd(bytes) {
         Some(Kind::Zstd)
     } else if starts(b"\x93NUMPY") {
         Some(Kind::Npy)

@@ -5,7 +5,8 @@
 //! joints, and `#m3` where it numbers the motors of a Unitree robot.
 
 use gaitfit_log::column_names::{
-    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, PROJECTED_GRAVITY, ROLL_PITCH_YAW,
+    BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION, PROJECTED_GRAVITY,
+    ROLL_PITCH_YAW,
 };
 
 /// Motors of Unitree's Go2 and B2 (unitree_go) in the order of LowState and LowCmd.
@@ -259,8 +260,15 @@ pub(crate) const PER_JOINT: [&str; 9] = ["q", "dq", "qdes", "act", "kp", "kd", "
 
 /// Names that are called so here already. A joint `q_3` is a number.
 fn known_name(name: &str) -> Option<String> {
-    let fixed =
-        [&COMMAND[..], &BASE_QUATERNION, &ROLL_PITCH_YAW, &BASE_RATES, &BASE_POSITION, &BASE_VELOCITY];
+    let fixed = [
+        &COMMAND[..],
+        &MOTION,
+        &BASE_QUATERNION,
+        &ROLL_PITCH_YAW,
+        &BASE_RATES,
+        &BASE_POSITION,
+        &BASE_VELOCITY,
+    ];
     if fixed.iter().any(|names| names.contains(&name)) {
         return Some(name.to_owned());
     }

@@ -264,6 +264,8 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
         (velocities, "the header's velocity_joints: which targets are velocities"),
         (base.position.is_some(), "the base's position"),
         (base.linear_velocity.is_some(), "the base's velocity"),
+        (log.motion.is_some(), "the place in the motion: motion_time and motion_heading"),
+        (log.simulated_step.is_some(), "the header's simulated_step_s: the physics step of a simulator"),
     ];
     let left_out = left_out.into_iter().filter_map(|(is, what)| is.then_some(what)).collect();
     Ok((bytes.into_inner(), left_out))

@@ -11,7 +11,7 @@ use crate::table::Source;
 use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
 #[cfg(feature = "all-formats")]
 use crate::{arrow, hdf5, parquet};
-use gaitfit_log::column_names::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND};
+use gaitfit_log::column_names::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND, MOTION};
 use gaitfit_log::{ReadOptions, read_csv_report, stated};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -176,11 +176,21 @@ fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ImportError> {
 fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, ImportError> {
     let io = |source| ImportError::Io { path: folder.to_owned(), action: "list the folder", source };
     let mut files: Vec<PathBuf> = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)?.take(MAX_FILES) {
+    for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
         if [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"].iter().any(|ending| name.ends_with(ending)) {
             files.push(path);
+        }
+        // A part of a recording would look like all of it.
+        if files.len() > MAX_FILES {
+            return Err(ImportError::Refused {
+                path: folder.to_owned(),
+                what: "a bag of more than 1000 files",
+                remedy:
+                    "join its files (`ros2 bag convert`), or import some of them from a folder of their own"
+                        .into(),
+            });
         }
     }
     // bag_2 comes before bag_10.
@@ -229,6 +239,7 @@ fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> 
 /// Whether a CSV file has the header of gaitfit's own logs.
 fn is_own(bytes: &[u8]) -> bool {
     // The header is near the beginning, below comments.
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let start = &bytes[..bytes.len().min(1 << 16)];
     let text = String::from_utf8_lossy(start);
     let header = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
@@ -272,6 +283,7 @@ fn read_log(path: &Path, options: &Options) -> Result<Source, ImportError> {
     add(named("qdes_"), log.target.as_ref());
     add(named("act_"), log.action.as_ref());
     add(fixed(&COMMAND), log.command.as_ref());
+    add(fixed(&MOTION), log.motion.as_ref());
     let base = log.base.clone().unwrap_or_default();
     add(fixed(&BASE_POSITION), base.position.as_ref());
     add(fixed(&BASE_QUATERNION), base.quaternion.as_ref());

@@ -78,10 +78,9 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
 
 /// The log's column `known` under the robot's name of its joint.
 fn renamed(known: String, mapping: &Mapping) -> String {
-    let prefixes = ["q_", "dq_", "qdes_", "act_"];
-    let parts = prefixes.into_iter().find_map(|prefix| Some((prefix, known.strip_prefix(prefix)?)));
+    let parts = known.split_once('_').filter(|(prefix, _)| PER_JOINT.contains(prefix));
     match parts.and_then(|(prefix, joint)| Some((prefix, mapping.joint_names.get(joint)?))) {
-        Some((prefix, robot)) => format!("{prefix}{robot}"),
+        Some((prefix, robot)) => format!("{prefix}_{robot}"),
         None => known,
     }
 }

@@ -258,6 +258,30 @@ fn logs_written_as_mcap_are_read_back() {
 }
 
 #[test]
+fn a_log_as_mcap_states_what_it_lacks_and_has_no_rates_that_nobody_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let mut log = walk();
+    log.motion = Some(log.time.iter().flat_map(|time| [*time, 0.5]).collect());
+    log.simulated_step = Some(0.002);
+    let whole = log.base.clone().unwrap();
+    for base in [
+        gaitfit_log::BaseState { quaternion: whole.quaternion, ..Default::default() },
+        gaitfit_log::BaseState { angular_velocity: whole.angular_velocity, ..Default::default() },
+    ] {
+        log.base = Some(base);
+        let (bytes, left_out) = mcap_bytes(&log).unwrap();
+        assert!(left_out.len() == 2 && left_out[0].contains("motion_time"), "{left_out:?}");
+        assert!(left_out[1].contains("simulated_step_s"), "{left_out:?}");
+        std::fs::write(&path, bytes).unwrap();
+        let back = import(&[&path], &Options::default()).unwrap().trajectory.base.unwrap();
+        let parts =
+            |base: &gaitfit_log::BaseState| (base.quaternion.is_some(), base.angular_velocity.is_some());
+        assert_eq!(parts(&back), parts(log.base.as_ref().unwrap()));
+    }
+}
+
+#[test]
 #[ignore = "needs the Python packages of tools/setup_venv.sh"]
 fn python_mcap_reads_what_is_written() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

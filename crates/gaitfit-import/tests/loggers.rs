@@ -203,10 +203,34 @@ fn a_recording_states_gains_and_steps_as_a_log_does_and_a_mapping_renames_its_jo
     assert_eq!(log.joints, ["FR_hip", "FL_hip"]);
     let gains = log.gains.unwrap();
     assert_eq!((gains.kp, gains.kd, log.simulated_step), (vec![60.0, 40.0], vec![1.0; 2], Some(0.001)));
+    // Editors of Windows put a mark of the encoding before the first line.
+    std::fs::write(&path, format!("\u{feff}{text}")).unwrap();
+    assert_eq!(import(&[&path], &options).unwrap().trajectory.gains.unwrap().kp, [60.0, 40.0]);
     let stronger = format!("kp = 7\nkd = 0.3\n{mapping}");
     let options = Options { mapping: Mapping::parse(&stronger).unwrap(), ..Options::default() };
     assert_eq!(import(&[&path], &options).unwrap().trajectory.gains.unwrap().kp, [7.0, 7.0]);
     std::fs::write(folder.path().join("log.toml"), "kq = 2\n").unwrap();
     let error = import(&[&path], &options).unwrap_err().to_string();
     assert!(error.contains("log.toml") && error.contains("kq"), "{error}");
+}
+
+#[test]
+fn renamed_joints_keep_their_gains_and_what_motors_were_given() {
+    let quantities = ["q", "dq", "qdes", "kp", "kd", "dqdes", "tauff"];
+    let columns: Vec<String> = quantities.iter().map(|name| format!("{name}_VR1")).collect();
+    let mapping = Mapping::parse("[joint_names]\nVR1 = \"FR_hip\"\n").unwrap();
+    let row = |_: usize, t: f64| vec![wave(t), 0.0, wave(t), 20.0, 1.0, 2.0, 4.0];
+    let log = csv(&columns.join(","), row, mapping).unwrap().trajectory;
+    let gains = log.gains.unwrap();
+    assert_eq!((log.joints, gains.kp, gains.kd), (vec!["FR_hip".to_owned()], vec![20.0], vec![1.0]));
+    // (1 · 2 + 4) / 20 rad further.
+    assert!((log.target.unwrap()[3] - log.position[3] - 0.3).abs() < 1e-9);
+}
+
+#[test]
+fn a_bag_of_very_many_files_is_not_read_in_part() {
+    let folder = tempfile::tempdir().unwrap();
+    (0..1001).for_each(|i| std::fs::write(folder.path().join(format!("bag_{i}.mcap")), "").unwrap());
+    let error = import(&[folder.path()], &Options::default()).unwrap_err().to_string();
+    assert!(error.contains("more than 1000 files"), "{error}");
 }

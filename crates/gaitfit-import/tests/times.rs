@@ -172,6 +172,15 @@ fn one_row_of_many_is_taken() {
         assert_eq!((trajectory.len(), trajectory.rate_hz), (ROWS / 4, 50.0));
         assert_eq!(trajectory.target.unwrap()[..3], [0.0, 4.0, 8.0]);
     }
+    // A mark of the encoding, as editors of Windows write it, hides neither the log's kind nor its comments.
+    let marked = format!("\u{feff}{}", std::fs::read_to_string(&path).unwrap());
+    let imported = read("log.csv", marked.as_bytes(), "").unwrap();
+    assert_eq!(imported.report.files[0].1, "CSV log of gaitfit");
+    assert_eq!(imported.trajectory.robot, log.robot);
+    // The place in a motion is thinned too.
+    let motion = log.time.iter().flat_map(|time| [time + 1.0, 0.5]).collect();
+    write_csv(&path, &Trajectory { motion: Some(motion), ..log.clone() }).unwrap();
+    assert_eq!(every("every = 4").motion.unwrap()[..4], [1.0, 0.5, 1.02, 0.5]);
     let text = stamped(&log, |t| t);
     let trajectory = read("other.csv", text.as_bytes(), &format!("every = 4\n{COLUMNS}")).unwrap().trajectory;
     assert_eq!((trajectory.len(), trajectory.rate_hz), (ROWS / 4, 50.0));

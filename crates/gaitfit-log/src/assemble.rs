@@ -8,7 +8,7 @@ use crate::metadata::Metadata;
 use crate::motor::{self, MotorColumns};
 use crate::scale::shared_factor;
 use crate::spacing::spacing;
-use crate::stamps::{EvenRows, Stamps, look, rate_of_velocities};
+use crate::stamps::{EvenRows, Stamps, is_news, look, rate_of_velocities};
 use crate::stats::{median, short};
 use crate::time_unit::recognise;
 use crate::{
@@ -233,7 +233,8 @@ fn even_rows(
     let is_new = |row: usize| {
         samples.channels.iter().any(|channel| {
             let width = channel.len() / rows;
-            channel[row * width..(row + 1) * width] != channel[(row - 1) * width..row * width]
+            let [before, cells] = [row - 1, row].map(|row| &channel[row * width..(row + 1) * width]);
+            cells.iter().zip(before).any(|(cell, before)| is_news(*cell, *before))
         })
     };
     match look(&samples.time, stated_hz, is_new) {

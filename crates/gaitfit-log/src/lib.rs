@@ -89,7 +89,7 @@ pub use read_report::{Hole, IgnoredColumn, ReadReport};
 pub use regular::Regular;
 pub use sensors::{Sensors, gyro_bias, velocity_lag};
 pub use spacing::{Lost, Spacing, spacing};
-pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
+pub use stamps::{CoarseStamps, EvenRows, Stamps, is_news, look as look_at_stamps, rate_of_velocities};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;

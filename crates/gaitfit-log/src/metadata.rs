@@ -275,6 +275,8 @@ pub struct Stated {
 /// A value that is not TOML or not of its key's type; a key that is nearly one of a log's.
 pub fn stated(path: &Path, text: &str) -> Result<Stated, LogError> {
     let mut comments = Metadata::default();
+    // Editors of Windows put a mark of the encoding before the first line.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     for (number, line) in text.lines().enumerate() {
         match line.strip_prefix('#') {
             // Other programs write comments of their own.

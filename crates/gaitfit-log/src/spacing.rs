@@ -45,7 +45,7 @@ impl Spacing {
 
 /// The spacing of increasing times, s; `None` where time does not increase or has one sample.
 ///
-/// An interval of more than one and a half usual ones has lost samples if what follows stays late by at least half an
+/// An interval of more than 1.2 usual ones has lost samples if what follows stays late by at least half an
 /// interval. If the next samples are back on the grid, it is jitter.
 pub fn spacing(time: &[f64]) -> Option<Spacing> {
     let usual = typical_step(time)?;

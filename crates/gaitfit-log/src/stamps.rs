@@ -97,6 +97,12 @@ pub enum Stamps {
     Lost(CoarseStamps, String),
 }
 
+/// Whether a cell has news against that of the row before. Two NaN count as one value: a missing cell that repeats is
+/// no news.
+pub fn is_news(cell: f64, before: f64) -> bool {
+    cell != before && !(cell.is_nan() && before.is_nan())
+}
+
 /// Looks at `time`, s, one a row, never falling. `is_new(row)`: whether row `row` has other values than the row before, asked
 /// where the two share a stamp. `rate_hz`: the rate that is stated, if one is.
 pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) -> Stamps {

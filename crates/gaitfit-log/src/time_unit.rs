@@ -103,7 +103,7 @@ pub fn recognise(
             return as_found(unit, format!("the log states {} Hz", short(stated)));
         }
     }
-    // Less than a second apart in seconds: a usual log.
+    // Less than 0.14 s apart in seconds: a usual log.
     if step < 1.0 / USUAL_HZ.0 * (1.0 + NEAR) {
         return Ok(None);
     }

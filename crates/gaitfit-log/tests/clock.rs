@@ -182,3 +182,16 @@ fn a_stated_rate_is_judged_by_the_velocities() {
     assert_eq!(findings[0].kind, FindingKind::RateMismatch);
     assert!(findings[0].message.contains("the velocities fit the stated rate"), "{}", findings[0]);
 }
+
+#[test]
+fn copied_rows_with_empty_numbers_are_no_new_rows() {
+    let row = |i: u32| {
+        let row = format!("{0},{0},1,NaN,NaN,NaN\n", 0.005 * f64::from(i));
+        row.repeat(if i % 10 == 0 { 2 } else { 1 })
+    };
+    let rows: String = (0..100).map(row).collect();
+    let header = "time,q_a,dq_a,base_pos_x,base_pos_y,base_pos_z";
+    let (trajectory, report) = read(&format!("# rate_hz = 200\n{header}\n{rows}")).unwrap();
+    assert!(report.even_rows.is_none());
+    assert_eq!((trajectory.time[0], trajectory.time[1], trajectory.time[2]), (0.0, 0.0, 0.005));
+}

@@ -66,12 +66,14 @@ impl Measured {
 /// The empty form of trials with a policy.
 pub fn form(policy: &str, trials: &[Trial]) -> String {
     let mut text = format!(
-        "# policy = {policy:?}\n\
+        "# policy = {}\n\
          # Mark where the robot stands, and its heading, before each trial. When it stands again, measure from the mark:\n\
          # x_m: metres ahead along the heading that it had; y_m: metres to its left (to the right: negative);\n\
          # heading_deg: degrees that it turned to the left (to the right: negative). fell: yes if it fell; leave the rest empty.\n\
          # Rows of trials that were not made stay empty. Then: gaitfit drift FORM.csv\n\
          {},x_m,y_m,heading_deg,fell,note\n",
+        // Text of JSON is one line, and the reader takes its escapes back.
+        serde_json::Value::from(policy),
         NEEDED.join(",")
     );
     for (number, Trial { direction, command: [vx, vy, wz] }) in trials.iter().enumerate() {
@@ -101,10 +103,13 @@ impl Form {
 
     fn parse(text: &str, path: &Path) -> Result<Self, String> {
         // Spreadsheets put a byte order mark before the text.
-        let text = text.trim_start_matches('\u{feff}');
+        let text = unquoted(text.trim_start_matches('\u{feff}'));
         // A form written by hand need not name its policy; then the file's name does.
         let named = text.lines().find_map(|line| line.strip_prefix("# policy = "));
-        let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
+        let policy = named.map(|name| {
+            let by_hand = || name.trim().trim_end_matches(',').trim_matches('"').to_owned();
+            serde_json::from_str(name).unwrap_or_else(|_| by_hand())
+        });
         let policy =
             policy.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
         // Every row must be as wide as the header: a decimal comma makes two cells of one number and shows
@@ -140,6 +145,20 @@ impl Form {
         }
         Ok(form)
     }
+}
+
+/// The text of a form with its comments as they were written: a spreadsheet puts a line that has quotes into quotes, and
+/// empty cells behind it.
+fn unquoted(text: &str) -> String {
+    let line = |line: &str| -> String {
+        let cell = || {
+            let mut cells = csv::ReaderBuilder::new().has_headers(false).from_reader(line.as_bytes());
+            cells.records().next()?.ok()?.get(0).map(str::to_owned)
+        };
+        let comment = line.starts_with("\"#").then(cell).flatten();
+        comment.unwrap_or_else(|| line.to_owned()) + "\n"
+    };
+    text.lines().map(line).collect()
 }
 
 /// Where the cells are.
@@ -286,7 +305,7 @@ mod tests {
         let form =
             parse(&filled(&[(1, "3.7,-0.2,-10,,"), (2, ",,,yes,"), (5, "0.1,0,100,no,slippery")])).unwrap();
         assert_eq!((form.trials.len(), form.empty), (3, 3));
-        assert!(form.policy.contains("walk"), "{}", form.policy);
+        assert_eq!(form.policy, "go2 \"walk\".safetensors");
         let [x, y, heading] = form.trials[0].error.unwrap();
         assert!((x + 0.3).abs() < 1e-9 && (y + 0.2).abs() < 1e-9 && (heading + 0.174_533).abs() < 1e-5);
         assert_eq!(form.trials[1], Measured { direction: "-x".to_owned(), error: None });
@@ -297,6 +316,13 @@ mod tests {
         let other = parse(&centimetres).unwrap().trials[0].error.unwrap();
         assert!((other[0] + 0.3).abs() < 1e-9 && (other[2] + 0.1745).abs() < 1e-9, "{other:?}");
         // A spreadsheet's own way to write it.
+        let saved = filled(&[(1, "3.7,-0.2,-10,,")]);
+        let (first, rest) = saved.split_once('\n').unwrap();
+        let saved = format!("\"{}\",,,,,,,,,,\r\n{rest}", first.replace('"', "\"\""));
+        assert_eq!(parse(&saved).unwrap().policy, "go2 \"walk\".safetensors");
+        assert_eq!(parse(&saved).unwrap().empty, 5);
+        let by_hand = saved.replace(&saved[..saved.find('\r').unwrap()], "# policy = go2,,,,");
+        assert_eq!(parse(&by_hand).unwrap().policy, "go2");
         assert_eq!(
             parse(&format!("\u{feff}{}", filled(&[(1, "3.7,-0.2,-10,,")]).replace('\n', "\r\n")))
                 .unwrap()

@@ -166,6 +166,11 @@ impl Supervisor {
         self.watch.state()
     }
 
+    /// When the last good state came.
+    pub fn came(&self) -> Option<Duration> {
+        self.watch.came()
+    }
+
     /// Whether the run is over: it was in damping long enough.
     pub fn is_over(&self, now: Duration) -> bool {
         self.phase == Phase::Damping && now.saturating_sub(self.since) >= self.times.damping

@@ -62,8 +62,8 @@ pub(super) fn read(
             let there = present(&defined, leaf, count);
             let decoded = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
             row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
-            // A page of no values counts as one, so that a file of such pages ends.
-            values += count.max(1);
+            // Each page has a header, so a file of pages without values ends too.
+            values += count;
         } else if header.type_ == PageType::DATA_PAGE_V2 {
             let head = header.data_page_header_v2.ok_or_else(|| damaged(CUT))?;
             let count = usize::try_from(head.num_values).map_err(|_| damaged(CUT))?;
@@ -84,7 +84,7 @@ pub(super) fn read(
             let there = present(&defined, leaf, count);
             let decoded = decode(&page, head.encoding, leaf.physical, there, entries.as_ref())?;
             row = place_values(column, leaf, row, count, &repeated, &defined, decoded)?;
-            values += count.max(1);
+            values += count;
         }
     }
     Ok(row - first)

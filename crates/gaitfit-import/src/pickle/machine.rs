@@ -162,7 +162,10 @@ impl<'a> Machine<'a> {
             0x80 => drop(self.take(1)?),
             0x95 => drop(self.take(8)?),
             // MARK.
-            b'(' => self.marks.push(self.stack.len()),
+            b'(' => {
+                self.marks.push(self.stack.len());
+                bounded(self.marks.len())?;
+            }
             // POP drops a mark if nothing lies on it.
             b'0' if self.marks.last() == Some(&self.stack.len()) => drop(self.marks.pop()),
             b'0' => drop(self.pop()?),
@@ -170,7 +173,7 @@ impl<'a> Machine<'a> {
             b'1' => drop(self.pop_mark()?),
             b'2' => {
                 let top = self.top()?;
-                self.stack.push(top);
+                self.push_again(top)?;
             }
             // APPEND; APPENDS, ADDITEMS; SETITEM; SETITEMS.
             b'a' => {
@@ -340,18 +343,25 @@ impl<'a> Machine<'a> {
     fn put(&mut self, key: u64) -> Result<(), PickleError> {
         let top = self.top()?;
         self.memo.insert(key, top);
-        Ok(())
+        bounded(self.memo.len())
     }
 
     fn get(&mut self, key: u64) -> Result<(), PickleError> {
         let id = *self.memo.get(&key).ok_or(PickleError::NotRemembered)?;
-        self.stack.push(id);
-        // The stack alone could grow without new objects.
-        if self.stack.len() > MAX_NODES {
-            return Err(PickleError::TooManyObjects);
-        }
-        Ok(())
+        self.push_again(id)
     }
+
+    /// Puts an object onto the stack that there is already.
+    fn push_again(&mut self, id: Id) -> Result<(), PickleError> {
+        self.stack.push(id);
+        bounded(self.stack.len())
+    }
+}
+
+/// Refuses more entries of stack, marks or memo than there may be objects: an instruction of one byte adds one without
+/// a new object.
+fn bounded(entries: usize) -> Result<(), PickleError> {
+    if entries > MAX_NODES { Err(PickleError::TooManyObjects) } else { Ok(()) }
 }
 
 fn pairs(items: &[Id]) -> Result<Vec<(Id, Id)>, PickleError> {

@@ -1,4 +1,8 @@
 //! CDR, the encoding of ROS 2 messages (OMG DDS-XTypes 1.3, clause 7.4): plain CDR of version 1 and 2.
+//!
+//! Plain CDR of version 2 is that of final types. Before lists of anything but numbers it has their size in bytes.
+//! Types in a message that are not final have one too. A definition does not state this, so such messages are refused
+//! by their length.
 
 use super::MessageError;
 use super::limits::DEEPEST;
@@ -14,7 +18,8 @@ struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
     big: bool,
-    most_alignment: usize,
+    /// Version 2.
+    second: bool,
     /// Elements that may still be read: types without content take no bytes.
     fuel: usize,
 }
@@ -22,19 +27,25 @@ struct Reader<'a> {
 /// Decodes one message.
 pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, MessageError> {
     let (head, bytes) = message.split_at_checked(4).ok_or(MessageError::NoHead)?;
-    let (big, most_alignment) = match [head[0], head[1]] {
-        // CDR, big and little endian; then XCDR2, in which numbers of 8 bytes are aligned to 4.
-        [0, 0] => (true, 8),
-        [0, 1] => (false, 8),
-        [0, 6] => (true, 4),
-        [0, 7] => (false, 4),
+    let (big, second) = match [head[0], head[1]] {
+        // CDR, big and little endian; then version 2.
+        [0, 0] => (true, false),
+        [0, 1] => (false, false),
+        [0, 6] => (true, true),
+        [0, 7] => (false, true),
         _ => {
             return Err(MessageError::Cdr([head[0], head[1]]));
         }
     };
     // Types without content take no bytes, so the message's length alone does not bound the number of elements.
     let fuel = (bytes.len() * 8 + 10_000).min(MAX_ELEMENTS);
-    Reader { bytes, at: 0, big, most_alignment, fuel }.structure(schema, 0, 0)
+    let mut reader = Reader { bytes, at: 0, big, second, fuel };
+    let value = reader.structure(schema, 0, 0)?;
+    // Less than four bytes behind the fields are padding.
+    if second && bytes.len() - reader.at >= 4 {
+        return Err(MessageError::Length);
+    }
+    Ok(value)
 }
 
 impl<'a> Reader<'a> {
@@ -45,6 +56,13 @@ impl<'a> Reader<'a> {
         let fields = schema.types.get(number).ok_or(MessageError::NoType)?;
         let mut out = Vec::with_capacity(fields.len());
         for field in fields {
+            let end = match field.count {
+                Count::Fixed(_) | Count::Sequence if self.second && !is_number(field.base) => {
+                    let size = self.unsigned(4)? as usize;
+                    Some(self.at.saturating_add(size))
+                }
+                _ => None,
+            };
             let value = match field.count {
                 Count::One => self.one(schema, field.base, depth)?,
                 Count::Fixed(count) => self.many(schema, field.base, count, depth)?,
@@ -53,6 +71,9 @@ impl<'a> Reader<'a> {
                     self.many(schema, field.base, count, depth)?
                 }
             };
+            if end.is_some_and(|end| end != self.at) {
+                return Err(MessageError::Length);
+            }
             out.push((field.name.clone(), value));
         }
         Ok(Value::Struct(out))
@@ -91,7 +112,7 @@ impl<'a> Reader<'a> {
         if count > self.bytes.len() - self.at {
             return Err(MessageError::Sequence);
         }
-        if matches!(base, Base::Type(_) | Base::Text | Base::WideText) {
+        if !is_number(base) {
             let mut items = Vec::new();
             for _ in 0..count {
                 items.push(self.one(schema, base, depth)?);
@@ -129,8 +150,8 @@ impl<'a> Reader<'a> {
 
     /// A number of `size` bytes, aligned to its size.
     fn unsigned(&mut self, size: usize) -> Result<u64, MessageError> {
-        // Alignment counts from the first byte after the head.
-        let alignment = size.min(self.most_alignment);
+        // Alignment counts from the first byte after the head. In version 2 numbers of 8 bytes are aligned to 4.
+        let alignment = size.min(if self.second { 4 } else { 8 });
         let padding = (alignment - self.at % alignment) % alignment;
         self.take(padding)?;
         let bytes = self.take(size)?;
@@ -145,6 +166,10 @@ impl<'a> Reader<'a> {
         self.at = end;
         Ok(taken)
     }
+}
+
+fn is_number(base: Base) -> bool {
+    !matches!(base, Base::Type(_) | Base::Text | Base::WideText)
 }
 
 #[cfg(test)]
@@ -180,6 +205,38 @@ mod tests {
         for end in 0..little.len() {
             assert!(decode(&schema, &little[..end]).is_err(), "{end}");
         }
+        Ok(())
+    }
+
+    #[test]
+    fn lists_of_version_2_have_their_size_before_them() -> Result<(), MessageError> {
+        let text = "string[] name\nfloat64[] position\nP[1] end\n==========\nMSG: p/P\nint32 x";
+        let schema = schema::parse("p/T", text)?;
+        // Size and count of the names; one of two bytes, with its zero, and padding; count and number; size and point.
+        let words: [&[u8]; 9] = [
+            &[11, 0, 0, 0],
+            &[1, 0, 0, 0],
+            &[3, 0, 0, 0],
+            b"hi\0\0",
+            &[1, 0, 0, 0],
+            &1.5f64.to_le_bytes(),
+            &[4, 0, 0, 0],
+            &[9, 0, 0, 0],
+            &[0; 3],
+        ];
+        let message = |words: &[&[u8]]| [&[0u8, 7, 0, 0][..], &words.concat()].concat();
+        let value = decode(&schema, &message(&words))?;
+        assert_eq!(value.get(&["name"]).and_then(Value::words), Some(vec!["hi"]));
+        assert_eq!(value.get(&["position"]).and_then(Value::numbers), Some(vec![1.5]));
+        let end = value.get(&["end"]).and_then(Value::items).and_then(|items| items.first());
+        assert_eq!(end.and_then(|end| end.get(&["x"])).and_then(Value::number), Some(9.0));
+        // Another size, and more bytes than the fields have, are of types that are not final.
+        let mut wrong = words;
+        wrong[0] = &[12, 0, 0, 0];
+        assert_eq!(decode(&schema, &message(&wrong)), Err(MessageError::Length));
+        wrong = words;
+        wrong[8] = &[0; 4];
+        assert_eq!(decode(&schema, &message(&wrong)), Err(MessageError::Length));
         Ok(())
     }
 

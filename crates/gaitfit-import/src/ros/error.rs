@@ -53,6 +53,12 @@ pub enum MessageError {
     /// A sequence states a length that the message does not have.
     #[error("a sequence longer than its message")]
     Sequence,
+    /// A message of CDR version 2 whose sizes are not those of its definition.
+    #[error(
+        "a message in XCDR2 whose sizes are not those of final types; record with another DDS implementation, or with \
+         the first version of CDR"
+    )]
+    Length,
     /// A text or a type where a number is.
     #[error("no number")]
     NotANumber,

@@ -140,6 +140,13 @@ fn imu(message: &Value, out: &mut Columns) {
     let quaternion: Option<Vec<f64>> =
         ["w", "x", "y", "z"].iter().map(|name| part(orientation, name)).collect();
     let rates: Option<Vec<f64>> = ["x", "y", "z"].iter().map(|name| part(rates, name)).collect();
+    // By the type's definition, a covariance that begins with -1 states that the quantity is not measured.
+    let measured = |covariance: &str| {
+        let numbers = message.get(&[covariance]).and_then(Value::numbers).unwrap_or_default();
+        numbers.first() != Some(&-1.0)
+    };
+    let quaternion = quaternion.filter(|_| measured("orientation_covariance"));
+    let rates = rates.filter(|_| measured("angular_velocity_covariance"));
     // Some drivers without an estimate send zeros.
     if let Some(quaternion) = quaternion.filter(|parts| parts.iter().any(|part| *part != 0.0)) {
         out.extend(BASE_QUATERNION.iter().zip(quaternion).map(|(name, value)| ((*name).to_owned(), value)));

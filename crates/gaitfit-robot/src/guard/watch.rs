@@ -92,6 +92,11 @@ impl Watch {
         self.last.as_ref().map(|(_, state)| state)
     }
 
+    /// When the last state came that was taken.
+    pub fn came(&self) -> Option<Duration> {
+        self.last.as_ref().map(|(came, _)| *came)
+    }
+
     /// Takes a reading that came at `now`. A state that fails a rule is not taken. One whose counter stands still holds no
     /// news: it counts as none.
     ///

@@ -169,7 +169,8 @@ impl Listener {
             .map(|writer| &writer.publication_topic_data)
             .filter_map(|data| Topic::from_dds(&data.topic_name, &data.type_name))
             .collect();
-        topics.sort_by(|a, b| a.name.cmp(&b.name));
+        // By name and type: `dedup` drops only neighbours.
+        topics.sort();
         topics.dedup();
         topics
     }

@@ -9,8 +9,8 @@ pub const MAX_TOPICS: usize = 64;
 /// Longest name, bytes.
 const LONGEST: usize = 200;
 
-/// A topic of ROS 2.
-#[derive(Clone, Debug, PartialEq, Eq)]
+/// A topic of ROS 2. Topics are ordered by name, then by type.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Topic {
     /// Its name, such as `/joint_states`.
     pub name: String,

@@ -153,21 +153,8 @@ pub(super) fn judge(
                 "Some motors have two encoders: check that the angle comes from the finer one",
             ));
         }
-        // Without a limit only temperatures that no motor has are faults.
-        let hot = robot.guard.temperature.unwrap_or(i16::MAX);
-        let degrees = report.temperature;
-        if degrees > hot || degrees < NO_TEMPERATURE[0] || degrees > NO_TEMPERATURE[1] {
-            say(Finding::fault(
-                Check::Temperature,
-                format!("its motor is at {degrees} °C; at most {hot} are allowed"),
-                "Let it cool; if it is cold, its sensor is defective",
-            ));
-        } else if degrees > hot - WARM {
-            say(Finding::warning(
-                Check::Temperature,
-                format!("its motor is at {degrees} °C; a run stops above {hot}"),
-                "Let it cool",
-            ));
+        if let Some(finding) = temperature(report.temperature, robot.guard.temperature) {
+            say(finding);
         }
         if report.error != 0 {
             say(Finding::fault(
@@ -184,6 +171,30 @@ pub(super) fn judge(
             ));
         }
     }
+}
+
+/// What is wrong with a motor's temperature, °C. Without a limit only temperatures that no motor has are faults.
+fn temperature(degrees: i16, limit: Option<i16>) -> Option<Finding> {
+    if let Some(hot) = limit.filter(|hot| degrees > *hot) {
+        return Some(Finding::fault(
+            Check::Temperature,
+            format!("its motor is at {degrees} °C; at most {hot} are allowed"),
+            "Let it cool; if it is cold, its sensor is defective",
+        ));
+    }
+    if degrees < NO_TEMPERATURE[0] || degrees > NO_TEMPERATURE[1] {
+        return Some(Finding::fault(
+            Check::Temperature,
+            format!("its motor reads {degrees} °C; no motor has this temperature"),
+            "Replace its sensor, or check `messages` in the robot's file",
+        ));
+    }
+    let hot = limit.filter(|hot| degrees > hot.saturating_sub(WARM))?;
+    Some(Finding::warning(
+        Check::Temperature,
+        format!("its motor is at {degrees} °C; a run stops above {hot}"),
+        "Let it cool",
+    ))
 }
 
 /// Whether a joint rests at its stop, which is usual for a leg that hangs limp.
@@ -213,5 +224,22 @@ pub(super) fn judge_battery(heard: &[Heard], robot: &Robot, simulator: bool, fin
             "Check its cable; if this robot has none in its state, leave `charge` out of its file",
         )),
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn temperatures_are_judged_with_and_without_a_limit() {
+        let problem = |degrees, limit| temperature(degrees, limit).map(|finding| finding.problem);
+        let words =
+            |degrees, limit, words: &str| problem(degrees, limit).is_some_and(|text| text.contains(words));
+        assert!(words(90, Some(85), "at most 85 are allowed"));
+        assert!(words(80, Some(85), "a run stops above 85"));
+        assert!(words(200, None, "no motor has this temperature"));
+        assert!(words(-40, Some(85), "no motor has this temperature"));
+        assert_eq!((problem(140, None), problem(60, Some(85))), (None, None));
     }
 }

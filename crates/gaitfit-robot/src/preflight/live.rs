@@ -177,7 +177,7 @@ pub fn tilt(
 /// How long the loop listens to a robot before it arms it.
 const BEFORE: Duration = Duration::from_secs(1);
 
-/// Moves a robot that hangs. `told` gets each new stage. Returns what was sent and heard, however the motion ended.
+/// Moves a robot that hangs. `report` gets each new stage. Returns what was sent and heard, however the motion ended.
 ///
 /// # Errors
 /// A robot that must not be armed; then nothing was sent.

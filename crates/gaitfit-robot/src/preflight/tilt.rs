@@ -71,9 +71,10 @@ pub struct TiltReport {
 }
 
 /// What turns show, how the unit is mounted (roll, pitch, yaw, degrees) if not as the base's axes are, and what is wrong.
-pub fn tilted(turns: &[Tilted]) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>) {
+/// `gyro_bias`: the gyro's reading at rest, rad/s; zeros if it is unknown.
+pub fn tilted(turns: &[Tilted], gyro_bias: Vec3) -> (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>) {
     let mut findings = Vec::new();
-    let reports: Vec<TiltReport> = turns.iter().filter_map(report).collect();
+    let reports: Vec<TiltReport> = turns.iter().filter_map(|turn| report(turn, gyro_bias)).collect();
     for one in &reports {
         judge_gyro(one, &mut findings);
     }
@@ -116,7 +117,7 @@ fn name(motion: Motion) -> &'static str {
     }
 }
 
-fn report(tilted: &Tilted) -> Option<TiltReport> {
+fn report(tilted: &Tilted, gyro_bias: Vec3) -> Option<TiltReport> {
     let heard = &tilted.heard;
     // Means over still moments before and after, so that noise does not matter.
     let from = mean_attitude(&heard[..heard.len().min(BEFORE)])?;
@@ -125,9 +126,9 @@ fn report(tilted: &Tilted) -> Option<TiltReport> {
     let mut q = from;
     for pair in heard.windows(2) {
         let seconds = pair[1].came.saturating_sub(pair[0].came).as_secs_f64();
-        // The mean of both ends (trapezoidal rule).
-        let rate: Vec3 =
-            std::array::from_fn(|k| 0.5 * f64::from(pair[0].state.gyroscope[k] + pair[1].state.gyroscope[k]));
+        // The mean of both ends (trapezoidal rule). A person may take half a minute, in which a small bias adds up.
+        let mean = |k: usize| 0.5 * f64::from(pair[0].state.gyroscope[k] + pair[1].state.gyroscope[k]);
+        let rate: Vec3 = std::array::from_fn(|k| mean(k) - gyro_bias[k]);
         q = advanced(q, rate, seconds);
     }
     let degrees = |turn: Vec3| turn.map(f64::to_degrees);

@@ -112,8 +112,9 @@ impl States {
         message: &JointState,
         patience: Duration,
     ) -> Result<Taken, String> {
-        // Places are found once: messages repeat the same names.
-        if message.name != self.names && !self.find(&message.name)? {
+        // Places are found once: messages repeat the same names. Before the first ones, a message without names has the same
+        // empty list and no motor.
+        if (self.names.is_empty() || message.name != self.names) && !self.find(&message.name)? {
             // Another program's joints beside those of the robot.
             if !self.names.is_empty() {
                 return Ok(Taken::Nothing);

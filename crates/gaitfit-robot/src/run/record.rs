@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::Write;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, COMMAND};
@@ -121,7 +121,7 @@ impl Recorder {
             named(&["q_", "dq_", "qdes_", "act_"]),
             COMMAND.join(",")
         );
-        // Several walks have a folder each, and the record of everything one beside them.
+        // The logs of several walks are in one folder. A fit reads all of it, so the record of everything has its own.
         let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };
         Ok(Self {
             folder: folder.to_owned(),
@@ -313,9 +313,34 @@ impl Log {
         let written = self.file.write_all(row);
         match &written {
             Ok(()) => self.whole += row.len() as u64,
-            // The error that is told is the first one.
-            Err(_) => drop(self.file.set_len(self.whole)),
+            // The error that is reported is the first one.
+            Err(_) => self.cut(),
         }
         written
+    }
+
+    /// Cuts off what follows the last whole row. The next row begins there: behind the cut it would follow zero bytes.
+    fn cut(&mut self) {
+        let _ = self.file.set_len(self.whole);
+        let _ = self.file.seek(SeekFrom::Start(self.whole));
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_after_half_a_row_follow_the_last_whole_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("walk.csv");
+        let mut log = Log::new(path.clone(), b"time\n").unwrap();
+        log.put(b"0.0\n").unwrap();
+        // What a full disk takes of a row.
+        log.file.write_all(b"0.0").unwrap();
+        log.cut();
+        log.put(b"0.04\n").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"time\n0.0\n0.04\n");
     }
 }

@@ -123,8 +123,8 @@ impl<'a> Sender<'a> {
                 }
             }
         }
-        // The time is that of the last message, the state that of the last good one.
-        board.state = last_came.and_then(|came| Some((came, *supervisor.state()?)));
+        // Not the time of the last message, which may repeat the state: the state would look younger than it is.
+        board.state = supervisor.came().zip(supervisor.state().copied());
         board.phase = supervisor.phase();
         board.awaits_policy = supervisor.awaits_policy(now);
         board.over = supervisor.is_over(now);

@@ -217,6 +217,9 @@ fn a_message_that_lacks_a_motor_is_an_error_with_the_names_that_it_has() {
     }
     let what = lacks(states.joints(now, &joints(&["finger", "thumb"]), PATIENCE));
     assert_eq!(what, "no motor of the robot on /joint_states; its messages have finger, thumb");
+    // A first message without names has no motor either, and makes no state without joints.
+    let what = lacks(states.joints(now, &joints(&[]), PATIENCE));
+    assert_eq!(what, "no motor of the robot on /joint_states; its messages have no names");
     // Another program may publish other joints on the topic.
     reading(states.joints(now, &joints(&["hip", "lower_leg"]), PATIENCE));
     assert_eq!(states.joints(now, &joints(&["finger", "thumb"]), PATIENCE), Ok(Taken::Nothing));

@@ -16,7 +16,7 @@ use gaitfit_robot::unitree::Remote;
 use gaitfit_robot::{Command, Phase, Reading, RobotState, Seal, Supervisor, Times};
 
 use crate::limits::violation;
-use crate::toy::go2;
+use crate::toy::{CONTROL, Toy, go2, postures};
 
 const TICK: Duration = Duration::from_millis(2);
 
@@ -350,4 +350,29 @@ fn the_robots_remote_walks_it_lies_it_down_and_damps_it() {
     let held = by_remote(|_| b, &folder.path().join("held"));
     assert_eq!((held.board.phase, &held.board.refused), (Idle, &Some(Reason::Operator)));
     assert_eq!(held.commands, 0);
+}
+
+/// A robot that sends one message again and again.
+struct Repeats(Reading);
+
+impl Link for Repeats {
+    fn receive(&mut self, _: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
+        each(Duration::ZERO, &self.0);
+        Ok(0)
+    }
+
+    fn send(&mut self, _: &Command) -> Result<(), String> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_message_that_repeats_a_state_makes_it_no_younger() {
+    let robot = go2();
+    let supervisor = Supervisor::new(robot.guard(CONTROL), postures(&robot), Times::default());
+    let mut sender = Sender::new(Box::new(Repeats(Toy::lying(&robot).reading())), supervisor, false);
+    let mut board = Board::default();
+    (1..4).for_each(|turn| sender.cycle(turn * TICK, &mut board));
+    assert_eq!(board.state.map(|(came, _)| came), Some(TICK));
+    assert_eq!(sender.states, 3);
 }

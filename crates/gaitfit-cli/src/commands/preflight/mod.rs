@@ -90,7 +90,8 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
     let mut reports = Vec::new();
     if args.tilt && !heard.is_empty() {
         let turns = tilt(&mut *link, &mut Beat::default(), &mut ask, &stop).map_err(failed)?;
-        let (axes, mounted, more) = tilted(&turns);
+        let bias = listened.imu.as_ref().map_or([0.0; 3], |unit| unit.gyro_bias.map(|axis| axis.value));
+        let (axes, mounted, more) = tilted(&turns, bias);
         reports = axes;
         // Turns show all three axes, gravity two.
         if reports.len() == 3 {

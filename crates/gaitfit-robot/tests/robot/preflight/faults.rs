@@ -92,19 +92,19 @@ fn by_hand(time: f64) -> Quat {
 
 type Seen = (Vec<TiltReport>, Option<[f64; 3]>, Vec<Finding>);
 
-fn turned(fault: Fault) -> Result<Seen, RobotError> {
+fn turned(fault: Fault, gyro_bias: [f64; 3]) -> Result<Seen, RobotError> {
     let batch = simulation(hung()).unwrap();
     let mut link = Hung::new(&batch, fault, by_hand, 5);
     let mut asked = Vec::new();
     let turns = tilt(&mut link, &mut Given::default(), &mut |one| asked.push(one), &|| None)?;
     assert_eq!(asked.last(), Some(&Asked::Done));
     assert!(asked.contains(&Asked::Turn(TiltMotion::RollRight)));
-    Ok(tilted(&turns))
+    Ok(tilted(&turns, gyro_bias))
 }
 
 #[test]
 fn turns_by_hand_show_axes_and_signs() {
-    let (reports, mounted, findings) = turned(Fault::None).unwrap();
+    let (reports, mounted, findings) = turned(Fault::None, [0.0; 3]).unwrap();
     assert_eq!((findings.len(), mounted), (0, None), "{findings:?}");
     for one in &reports {
         let along: f64 = one.turn.iter().zip(one.motion.axis()).map(|(turn, axis)| turn * axis).sum();
@@ -112,16 +112,25 @@ fn turns_by_hand_show_axes_and_signs() {
         assert!(one.turn.iter().zip(&one.gyro_turn).all(|(a, b)| (a - b).abs() < 1.0), "{one:?}");
     }
     for degrees in [[0.0, 0.0, 90.0], [0.0, 0.0, 180.0], [0.0, 0.0, -90.0], [180.0, 0.0, 0.0]] {
-        let (_, mounted, findings) = turned(Fault::Mounted(degrees)).unwrap();
+        let (_, mounted, findings) = turned(Fault::Mounted(degrees), [0.0; 3]).unwrap();
         assert!(named(&findings, Check::Mounting, None), "{degrees:?} {findings:?}");
         assert_eq!(mounted, Some(degrees), "{findings:?}");
     }
-    let (_, _, findings) = turned(Fault::Order).unwrap();
+    let (_, _, findings) = turned(Fault::Order, [0.0; 3]).unwrap();
     assert!(!passed(&findings), "{findings:?}");
     for factor in [-1.0, 57.3, 0.5] {
-        let (_, mounted, findings) = turned(Fault::GyroFactor(factor)).unwrap();
+        let (_, mounted, findings) = turned(Fault::GyroFactor(factor), [0.0; 3]).unwrap();
         assert!(named(&findings, Check::GyroAttitude, None) && mounted.is_none(), "{factor} {findings:?}");
     }
+}
+
+#[test]
+fn a_bias_of_the_gyro_that_is_known_is_no_wrong_turn() {
+    let fault = Fault::Bias(0, 0.15);
+    let (_, _, findings) = turned(fault, [0.0; 3]).unwrap();
+    assert!(named(&findings, Check::GyroAttitude, None), "{findings:?}");
+    let (_, _, findings) = turned(fault, [0.15, 0.0, 0.0]).unwrap();
+    assert_eq!(findings, []);
 }
 
 #[test]
