@@ -325,6 +325,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         trajectory,
         even,
         motion,
+        mounting: None,
     })
 }
 
