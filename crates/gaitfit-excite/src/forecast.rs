@@ -37,6 +37,7 @@ pub(super) fn forecast(
         sidecars: Vec::new(),
         joints: body.names.clone(),
         trajectory: body.trajectory(settings.rate, targets, start),
+        mounting: None,
         filled: Vec::new(),
     };
     // First the robot makes the log, then the log is compared with variants of the robot.

@@ -62,6 +62,7 @@ impl Look<'_> {
             sidecars: Vec::new(),
             joints: trajectory.joints.clone(),
             trajectory,
+            mounting: None,
             filled: Vec::new(),
         };
         let one = |(template, made): (&Trajectory, Recorded)| {

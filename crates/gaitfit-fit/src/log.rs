@@ -19,6 +19,9 @@ pub struct Log {
     /// the policy's order and at the policy's rate for a walking one. Parts of the base's state that are not finite are
     /// absent.
     pub trajectory: Trajectory,
+    /// Roll, pitch and yaw, degrees, of an inertial unit that the policy showed to be turned. The trajectory is turned
+    /// back, its file is not. Absent if the unit is mounted as the file states.
+    pub mounting: Option<[f64; 3]>,
     /// Rows that were lost and are filled by interpolation, rising: predictions of them and from them do not count.
     pub filled: Vec<usize>,
 }

@@ -286,6 +286,8 @@ fn usual_orders(names: &[String]) -> Vec<Vec<usize>> {
             .collect();
         orders.extend([by_leg, by_kind].into_iter().flatten());
     }
+    // With one joint a leg both ways are the same order, which would be its own rival.
+    orders.dedup();
     // A leg with two joints of one type would leave a column without a joint.
     orders.retain(|order: &Vec<usize>| order.len() == names.len());
     orders

@@ -86,3 +86,9 @@ fn another_usual_order_is_recognised() {
     let command = Some(vec![0.5; 3 * right.len()]);
     assert_eq!(order(&Trajectory { command, ..right }, &model), Order::Unknown);
 }
+
+#[test]
+fn legs_of_one_joint_have_each_order_once() {
+    let names = ["FL_knee", "FR_knee", "RL_knee", "RR_knee"].map(str::to_owned);
+    assert_eq!(usual_orders(&names), [vec![0, 1, 2, 3], vec![1, 0, 3, 2]]);
+}

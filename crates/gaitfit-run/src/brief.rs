@@ -40,11 +40,12 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
         if length <= PLAIN_DIGITS {
             out.push_str(number);
         // A fraction's digits were found behind `0.`, which is already written and is taken back.
-        } else if let Some(small) =
-            out.strip_suffix("0.").map(str::len).filter(|_| fraction(number).is_some())
-        {
+        } else if let Some((small, short)) = below_one(&out).zip(fraction(number)) {
             out.truncate(small);
-            out.push_str(&fraction(number).unwrap_or_default());
+            out.push_str(&short);
+        // Behind another point an exponent would count the digits from the wrong place.
+        } else if out.strip_suffix('.').is_some_and(ends_in_digit) {
+            out.push_str(&cut(number));
         } else {
             out.push_str(&whole(number));
         }
@@ -58,12 +59,25 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
+/// The length of the text without the `0.` at its end; `None` if it ends otherwise, also in `10.`.
+fn below_one(text: &str) -> Option<usize> {
+    text.strip_suffix("0.").filter(|before| !ends_in_digit(before)).map(str::len)
+}
+
+fn ends_in_digit(text: &str) -> bool {
+    text.ends_with(|letter: char| letter.is_ascii_digit())
+}
+
 /// A whole number of many digits.
 fn whole(digits: &str) -> String {
-    match scientific(digits.trim_end_matches('0'), digits.len() as i64 - 1) {
-        Some(short) => short,
-        None if digits.len() <= MAX_DIGITS => digits.to_owned(),
-        None => format!("{}... ({} digits)", &digits[..SHOWN_DIGITS], digits.len()),
+    scientific(digits.trim_end_matches('0'), digits.len() as i64 - 1).unwrap_or_else(|| cut(digits))
+}
+
+/// The digits, of which only the first are shown if there are too many.
+fn cut(digits: &str) -> String {
+    match digits.len() {
+        count if count <= MAX_DIGITS => digits.to_owned(),
+        count => format!("{}... ({count} digits)", &digits[..SHOWN_DIGITS]),
     }
 }
 
@@ -110,6 +124,9 @@ mod tests {
             brief(&format!("{} of {}", "12".repeat(30), f64::MIN_POSITIVE)),
             "121212121212... (60 digits) of 2.2250738585072014e-308"
         );
+        for number in ["10.00000000000000000000001", "1.50000000000000000000000"] {
+            assert_eq!(brief(number), number, "an exponent would make it another number");
+        }
         let hash = "sha256 0123456789012345678901234567890123456789";
         assert_eq!(brief(hash), hash);
     }

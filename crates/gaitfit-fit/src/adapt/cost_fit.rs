@@ -153,9 +153,10 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
     };
     let places = [RobotNumber::PayloadMass, RobotNumber::PayloadX].map(|kind| place(kind, parameters));
     let [Some(mass), Some(distance)] = places else { return };
-    let (x, ends) = (parameters[distance].found.value, parameters[distance].interval);
+    let x = parameters[distance].found.value;
     let moment = parameters[mass].found.value * x;
-    for end in ends.unwrap_or_default() {
+    // Intervals are measured of all parameters or of none, so without this one the mass has none to widen.
+    for end in parameters[distance].interval.into_iter().flatten() {
         // On the other side of the base's middle no mass has this moment, so the mass may be anything above.
         let other = if end * x > 0.0 { moment / end } else { parameters[mass].found.upper };
         parameters[mass].reach(other);

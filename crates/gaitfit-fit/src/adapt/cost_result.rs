@@ -84,7 +84,34 @@ impl CostFit {
                     "{cost}, {share:.0} % below the robot before the fit ({nominal:.5}); the search converged."
                 )
             }
-            _ => format!("{cost}; the robot before the fit diverges; the search converged."),
+            // A share of a cost of 0 is no number.
+            Some(nominal) => {
+                format!("{cost}; the robot before the fit has {nominal:.5}; the search converged.")
+            }
+            None => format!("{cost}; the robot before the fit diverges; the search converged."),
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_before_the_fit_without_cost_does_not_diverge() {
+        let headline = |nominal: Option<f64>| {
+            let document = serde_json::json!({
+                "cost_name": "wass", "cost": 0.25, "nominal_cost": nominal, "converged": true,
+                "better_than_nominal": true, "doubts": [], "falls": 0, "nominal_falls": 0, "parameters": [], "runs": [], "validation": [],
+            });
+            serde_json::from_value::<CostFit>(document).unwrap().headline(&[])
+        };
+        assert_eq!(
+            headline(Some(0.0)),
+            "wass 0.25000; the robot before the fit has 0.00000; the search converged."
+        );
+        assert!(headline(Some(0.5)).contains("50 % below the robot before the fit"));
+        assert!(headline(None).contains("diverges"));
     }
 }

@@ -195,7 +195,7 @@ fn what_logs_show(
     let mut numbers = priors.map_or_else(Vec::new, |findings| swing::numbers_of(method, findings));
     let mut note = None;
     if let Some(findings) = swings.filter(|_| config.effects) {
-        let remedies = Remedies::new(findings, theta, base);
+        let remedies = Remedies::new(findings, theta, base, joints);
         // Springs are found by `odd_joints` itself.
         let remedies = if config.odd_joints { remedies.without_springs() } else { remedies };
         remedies.extend(config, joints);

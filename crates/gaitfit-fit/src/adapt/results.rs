@@ -16,6 +16,7 @@ use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::swing;
 use super::trust::{identified, stopped};
 use crate::Error;
+use crate::robot::joint_names;
 use crate::run::RunFolder;
 use crate::walk::explain::{self, Cause};
 use crate::walk::swing::{Beside, SwingFindings, doubt};
@@ -210,13 +211,13 @@ pub(super) fn results(
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(swings);
     checked(CHECKS)?;
-    // Effects that the fit can express already are no causes of what it leaves.
-    let mut causes = swings.as_ref().map_or_else(Vec::new, explain::causes);
-    causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base));
+    let causes = causes(setup, swings.as_ref());
     doubts.extend(
-        explain::missing(&causes, &setup.theta, &setup.base)
+        explain::missing(&causes, &setup.theta, &setup.base, &joint_names(setup.method.model()))
             .map(|text| Doubt::new(DoubtKind::Unexplained, text)),
     );
+    let play = |findings: &SwingFindings| explain::false_play(findings, &setup.theta, &first.values());
+    warnings.extend(swings.iter().flat_map(play));
     // A stable sort: within one kind the order above stays.
     doubts.sort_by_key(|doubt| doubt.kind);
     // Nothing touches a leg in the air, so these estimates check the values without any contact.
@@ -261,6 +262,15 @@ pub(super) fn results(
             + begun.elapsed().as_secs_f64(),
         odd_joints,
     })
+}
+
+/// The effects that the logs show and the fitted simulator lacks.
+fn causes(setup: &Setup, swings: Option<&SwingFindings>) -> Vec<Cause> {
+    let joints = joint_names(setup.method.model());
+    let mut causes = swings.map_or_else(Vec::new, explain::causes);
+    // Effects that the fit can express already are no causes of what it leaves.
+    causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base, &joints));
+    causes
 }
 
 /// The effort of the weakest joint, N·m; `None` if none has a limit.

@@ -133,7 +133,7 @@ pub fn fit(
     Ok((outcomes, seconds()))
 }
 
-/// Why the searches ended, if none was cut short.
+/// Why the searches ended, if none was cut short; `None` without searches.
 fn ended(outcomes: &[CostOutcome]) -> Option<String> {
     let runs = outcomes.iter().flat_map(|outcome| &outcome.runs);
     let mut reasons = Vec::new();
@@ -149,7 +149,7 @@ fn ended(outcomes: &[CostOutcome]) -> Option<String> {
             reasons.push(reason);
         }
     }
-    Some(reasons.join("; for another seed: "))
+    (!reasons.is_empty()).then(|| reasons.join("; for another seed: "))
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
@@ -306,6 +306,11 @@ mod tests {
 
     fn values(results: &crate::adapt::AdaptResults) -> Vec<f64> {
         results.parameters.iter().map(|one| one.found.value).collect()
+    }
+
+    #[test]
+    fn no_reason_is_given_without_searches() {
+        assert_eq!(super::ended(&[]), None);
     }
 
     #[test]

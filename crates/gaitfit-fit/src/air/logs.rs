@@ -74,7 +74,8 @@ pub fn read(
              base = \"free\" and `policy`"
         ));
     }
-    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory, filled }, doubts))
+    let (name, sidecars) = (named.to_owned(), report.sidecars);
+    Ok((Log { name, path, sidecars, joints, trajectory, mounting: None, filled }, doubts))
 }
 
 fn open(path: &Path, options: &ReadOptions) -> Result<(Trajectory, ReadReport), Error> {

@@ -47,20 +47,22 @@ impl Motion {
                     .map_or(level, |q| normalize(quat_of(q)))
             })
             .collect();
-        // From row to row the base moves against the mean step of the feet that stand in both.
+        // From row to row the base moves against the mean step of the feet that stand in both: the step of a foot that
+        // touches down is a part of its swing.
         let mut position: Vec<Vec3> = Vec::with_capacity(rows);
-        let mut last: Vec<Vec3> = Vec::new();
+        // The places of the row before, and whether they stood.
+        let mut last: Vec<(Vec3, bool)> = Vec::new();
         let mut at = [0.0, 0.0];
         for row in 0..rows {
             let (depth, places) = lowest(model, quaternion[row], angles(model, &joints, row));
-            let standing = |place: &Vec3| place[2] < depth + STANDING_M;
-            let steps: Vec<Vec3> = places
-                .iter()
-                .zip(&last)
-                .filter(|(now, _)| standing(now))
-                .map(|(now, before)| sub(*before, *now))
-                .collect();
-            // Without a standing foot the base stays: nothing shows how it moved.
+            let stands = |place: Vec3| (place, place[2] < depth + STANDING_M);
+            let places: Vec<(Vec3, bool)> = places.into_iter().map(stands).collect();
+            let steps = |stood: bool| -> Vec<Vec3> {
+                let pairs = places.iter().zip(&last).filter(|(now, before)| now.1 && (before.1 || !stood));
+                pairs.map(|((now, _), (before, _))| sub(*before, *now)).collect()
+            };
+            // If no foot stands in both rows, those that stand now show best how the base moved.
+            let steps = Some(steps(true)).filter(|both| !both.is_empty()).unwrap_or_else(|| steps(false));
             for (k, at) in at.iter_mut().enumerate() {
                 *at += steps.iter().map(|step| step[k]).sum::<f64>() / steps.len().max(1) as f64;
             }
@@ -174,6 +176,24 @@ mod tests {
             hanging.frames(&model, 0, 1, None)[0].velocity[0].is_nan(),
             "a clamped robot has no velocity"
         );
+    }
+
+    /// One foot is put down ahead while three stand: the base stays.
+    #[test]
+    fn a_foot_that_touches_down_does_not_move_the_base() {
+        let model = crate::robot::go2().unwrap();
+        let row = |calf: f64| -> Vec<f64> {
+            let angle = |name: &str| match name {
+                "FL_calf_joint" => calf,
+                name if name.contains("calf") => -1.6,
+                name if name.contains("thigh") => 0.8,
+                _ => 0.0,
+            };
+            model.joints.iter().map(|joint| angle(&joint.name)).collect()
+        };
+        let joints = [row(-1.6), row(-2.0), row(-1.6)].concat();
+        let motion = Motion::walked(&model, 0.02, joints, None);
+        assert!(motion.position.iter().all(|[x, y, _]| x.hypot(*y) < 1e-9), "{:?}", motion.position);
     }
 
     /// A simulated walk: the base goes where the simulation's base went, to a fifth of the way.

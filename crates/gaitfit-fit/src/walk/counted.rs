@@ -63,6 +63,7 @@ pub(super) fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<
         sidecars: read.sidecars.clone(),
         joints: read.joints.clone(),
         trajectory,
+        mounting: read.mounting,
         filled,
     })
 }

@@ -96,9 +96,15 @@ pub fn keep(name: &str, log: &Trajectory, downs: &[Down], margin: f64) -> (Vec<R
         let end = if down.end >= samples { samples } else { (down.end + at(STANDS_S)).min(samples) };
         // A robot that is down when its log begins has not fallen in it.
         let kind = if *fall && down.start > begin { CutKind::Fall } else { CutKind::Down };
-        // A fall may begin within the margin of the one before; its stretch is then empty and dropped below.
-        kept.push(begin..start.max(begin));
-        begin = end.max(begin);
+        // The cut before may reach to the end of this one.
+        if end <= begin {
+            continue;
+        }
+        // A fall may begin within the margin of the one before; its stretch is then empty and dropped below. Its cut
+        // begins where the one before ends, so that no time counts twice.
+        let start = start.max(begin);
+        kept.push(begin..start);
+        begin = end;
         let (from_s, to_s) = (time[start], time[end - 1]);
         cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), kind });
     }
@@ -185,4 +191,23 @@ pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
         ));
     }
     warnings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cuts_do_not_overlap() {
+        let time: Vec<f64> = (0..500).map(|sample| 0.02 * f64::from(sample)).collect();
+        let log = Trajectory::of_joints(Vec::new(), 50.0, time, Vec::new(), Vec::new());
+        let down = |samples: Range<usize>| Down { samples, reason: String::new(), fall: true };
+        // The margin of the second fall reaches into the cut of the first. The fourth fall lies in the cut of the third.
+        let downs = [down(200..210), down(270..280), down(440..452), down(455..460)];
+        let (kept, cuts) = keep("log", &log, &downs, 0.5);
+        assert_eq!(kept, [0..175, 330..415]);
+        let ends: Vec<_> =
+            cuts.iter().map(|cut| [cut.from_s, cut.to_s].map(|s| (50.0 * s).round())).collect();
+        assert_eq!(ends, [[175.0, 259.0], [260.0, 329.0], [415.0, 499.0]]);
+    }
 }

@@ -8,7 +8,7 @@
 pub use super::cause::{Cause, CauseKind};
 use super::cause::{matters, of_effect};
 use super::swing::{Estimate, SwingFindings};
-use gaitfit_adapt::{JointParameter, Theta};
+use gaitfit_adapt::{Entry, JointParameter, Theta};
 use gaitfit_sim::Candidate;
 use gaitfit_swing::{Effect, EffectKind};
 
@@ -46,13 +46,13 @@ pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
 }
 
 /// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
-/// with its known values.
-pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<String> {
+/// with its known values; `joints`: names of all its joints.
+pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate, joints: &[String]) -> Option<String> {
     // No fitted value of a joint compensates for these.
     let harmless = [CauseKind::GyroBias, CauseKind::EncoderStep];
     let listed: Vec<&str> = causes
         .iter()
-        .filter(|cause| !harmless.contains(&cause.kind) && !covered(cause, theta, base))
+        .filter(|cause| !harmless.contains(&cause.kind) && !covered(cause, theta, base, joints))
         .take(NAMED)
         .map(|cause| cause.text.as_str())
         .collect();
@@ -64,13 +64,18 @@ pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate) -> Option<Stri
     })
 }
 
-/// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them.
-pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
+/// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them. `joints`: names of
+/// all joints of the robot.
+pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]) -> bool {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
     let has = |kind: &str| theta.entries().iter().any(|entry| entry.kind == kind);
     let alone = |kind: JointParameter| {
         theta.entries().iter().any(|entry| entry.kind == kind.name() && entry.joints == [cause.of.as_str()])
+    };
+    // A spring or strength of one joint does not cover another joint's.
+    let known = |numbers: &[f64], without: f64| {
+        joints.iter().zip(numbers).any(|(joint, number)| *joint == cause.of && *number != without)
     };
     // A stated value counts as much as a fitted one: the simulator has both.
     match cause.kind {
@@ -85,19 +90,42 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate) -> bool {
         CauseKind::LoadFriction => has("load_friction") || some(&robot.load_friction),
         CauseKind::OddFriction => alone(JointParameter::FrictionLoss),
         CauseKind::OddSpring => {
-            let of_joint = |entry: &gaitfit_adapt::Entry| {
+            let of_joint = |entry: &Entry| {
                 let kinds = [JointParameter::Stiffness, JointParameter::SpringTorque];
                 kinds.iter().any(|kind| kind.name() == entry.kind) && entry.joints.contains(&cause.of)
             };
-            theta.entries().iter().any(of_joint) || some(&robot.stiffness)
+            theta.entries().iter().any(of_joint) || known(&robot.stiffness, 0.0)
         }
-        CauseKind::OddStrength => {
-            alone(JointParameter::TorqueScale) || robot.torque_scale.iter().any(|scale| *scale != 1.0)
-        }
+        CauseKind::OddStrength => alone(JointParameter::TorqueScale) || known(&robot.torque_scale, 1.0),
         CauseKind::Backlash => has("play") || some(&robot.play),
         CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
         CauseKind::Ground => has("ground_softness") || robot.ground_softness != 0.0,
     }
+}
+
+/// Sentences about play that swings show and the fit with these `values` of `theta` does not find. Swings named play falsely
+/// on two of fifteen robots without it (docs, "Which effect is named").
+pub fn false_play(findings: &SwingFindings, theta: &Theta, values: &[f64]) -> Vec<String> {
+    let groups = findings.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
+    let fitted = |cause: &Cause| -> Option<f64> {
+        let group = groups.iter().find(|group| group.group == cause.of)?;
+        let of_group = |entry: &Entry| {
+            entry.kind == JointParameter::Play.name()
+                && entry.joints.iter().any(|joint| group.joints.contains(joint))
+        };
+        let plays = theta.entries().iter().zip(values).filter(|(entry, _)| of_group(entry));
+        plays.map(|(_, play)| *play).reduce(f64::max)
+    };
+    // Play that heights of feet show has a size of its own, in rad.
+    let of_swings = |cause: &&Cause| cause.kind == CauseKind::Backlash && cause.unit == "-";
+    let sentence = |cause: &Cause| {
+        let play = fitted(cause).filter(|play| *play < matters::PLAY)?;
+        Some(format!(
+            "swings look like play of {} joints, but the fit finds {play:.3} rad: they probably have none",
+            cause.of
+        ))
+    };
+    causes(findings).iter().filter(of_swings).filter_map(sentence).collect()
 }
 
 /// Causes that a doubt names.

@@ -5,6 +5,7 @@ use super::*;
 use crate::walk::swing::Standing;
 use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
 use gaitfit_log::Sensors;
+use gaitfit_swing::{FrictionLaw, GroupEstimate, SwingReport};
 
 fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
     let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
@@ -106,9 +107,9 @@ fn what_is_fitted_or_known_is_not_missing() {
         (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7),
         (EffectKind::UnevenGround, "", 0.009, 0.0003, 1.0),
     ]));
-    let text = missing(&of_effects, &Theta::default(), &base).unwrap_or_default();
+    let text = missing(&of_effects, &Theta::default(), &base, &[]).unwrap_or_default();
     assert!(text.contains("grows by 0.090") && text.contains("9 mm apart"), "{text}");
-    assert_eq!(missing(&[], &Theta::default(), &base), None);
+    assert_eq!(missing(&[], &Theta::default(), &base, &[]), None);
     // A simulator whose unit is tilted does not lack the tilt.
     let standing = Standing { tilt: Some([Estimate { value: 0.03, error: 0.001 }; 2]) };
     let tilted = causes(&SwingFindings { standing, ..SwingFindings::default() });
@@ -116,21 +117,21 @@ fn what_is_fitted_or_known_is_not_missing() {
         let robot = kinds.iter().map(|kind| RobotRule::new(*kind)).collect();
         Rules { robot, ..Rules::default() }.theta(&[], &[], &[]).unwrap_or_default()
     };
-    let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass]), &base).unwrap_or_default();
+    let doubt = missing(&tilted, &theta(&[RobotNumber::BaseMass]), &base, &[]).unwrap_or_default();
     assert!(
         doubt.contains("tilted by 1.7° of roll") && doubt.contains("fit it: imu_roll, imu_pitch"),
         "{doubt}"
     );
-    assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch]), &base), None);
+    assert_eq!(missing(&tilted, &theta(&[RobotNumber::ImuRoll, RobotNumber::ImuPitch]), &base, &[]), None);
     let mut known = base.clone();
     known.sensors.imu_tilt = [0.03, 0.03];
-    assert_eq!(missing(&tilted, &Theta::default(), &known), None);
+    assert_eq!(missing(&tilted, &Theta::default(), &known, &[]), None);
     let velocity_lag = Some(Estimate { value: 0.004, error: 0.0001 });
     let sensors = Sensors { velocity_lag, ..Sensors::default() };
     let late = causes(&SwingFindings { sensors, ..SwingFindings::default() });
-    let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base).unwrap_or_default();
+    let doubt = missing(&late, &theta(&[RobotNumber::ImuRoll]), &base, &[]).unwrap_or_default();
     assert!(doubt.contains("by 4.0 ms") && doubt.contains("fit it: velocity_lag"), "{doubt}");
-    assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base), None);
+    assert_eq!(missing(&late, &theta(&[RobotNumber::VelocityLag]), &base, &[]), None);
 }
 
 #[test]
@@ -153,6 +154,70 @@ fn friction_of_another_joint_does_not_cover_the_odd_one() {
         weight: 1.0,
         text: "odd".to_owned(),
     };
-    assert!(covered(&odd, &theta("FL_calf_joint"), &base));
-    assert!(!covered(&odd, &theta("waist_joint"), &base), "a group of one joint is another joint's");
+    assert!(covered(&odd, &theta("FL_calf_joint"), &base, &joints));
+    assert!(!covered(&odd, &theta("waist_joint"), &base, &joints), "a group of one joint is another joint's");
+}
+
+#[test]
+fn a_known_spring_or_strength_covers_its_own_joint_alone() {
+    let model = crate::robot::go2().unwrap();
+    let joints = crate::robot::joint_names(&model);
+    let mut base = Candidate::nominal(&model);
+    (base.robot.stiffness[0], base.robot.torque_scale[0]) = (20.0, 0.7);
+    for kind in [CauseKind::OddSpring, CauseKind::OddStrength] {
+        let of = |joint: usize| Cause {
+            kind,
+            of: joints[joint].clone(),
+            size: Estimate { value: 20.0, error: 1.0 },
+            unit: String::new(),
+            weight: 1.0,
+            text: "odd".to_owned(),
+        };
+        assert!(covered(&of(0), &Theta::default(), &base, &joints), "{kind:?}");
+        assert!(!covered(&of(1), &Theta::default(), &base, &joints), "{kind:?}");
+    }
+}
+
+#[test]
+fn play_that_swings_show_and_the_fit_does_not_find_is_marked() {
+    let joints = ["FL", "FR"].map(|leg| format!("{leg}_thigh_joint")).to_vec();
+    let none = Estimate { value: 0.0, error: 0.1 };
+    let group = GroupEstimate {
+        group: "thigh".to_owned(),
+        joints: joints.clone(),
+        friction: none,
+        damping: none,
+        armature: none,
+        by_strength: [0.0; 3],
+        by_load: [0.0; 3],
+        swings: 100,
+        windows: 1000,
+        residual: 0.4,
+    };
+    let swings = SwingReport {
+        groups: vec![group],
+        delay: none,
+        delay_by_strength: 0.0,
+        strength: none,
+        law: FrictionLaw::Coulomb,
+        clearance_m: 0.012,
+        logs: 12,
+        unseen: vec![],
+    };
+    let with = |kind, size| {
+        let mut findings = findings(&[(kind, "thigh", size, 0.002, 0.6)]);
+        findings.effects[0].without = Some(Estimate { value: 0.0, error: 0.002 });
+        SwingFindings { swings: Some(swings.clone()), ..findings }
+    };
+    let rule = ParameterRule { joints: joints.clone(), ..ParameterRule::new(JointParameter::Play) };
+    let rules = Rules { parameter: vec![rule], ..Rules::default() };
+    let groups = [("thigh".to_owned(), joints.clone())];
+    let theta = rules.theta(&groups, &joints, &[]).unwrap();
+    let marked = |kind, size, play: f64| false_play(&with(kind, size), &theta, &vec![play; theta.len()]);
+    let text = marked(EffectKind::Strength, -0.4, 0.003);
+    assert_eq!(text.len(), 1, "{text:?}");
+    assert!(text[0].contains("play of thigh joints, but the fit finds 0.003 rad"), "{text:?}");
+    assert!(marked(EffectKind::Strength, -0.4, 0.021).is_empty(), "the fit finds it too");
+    assert!(marked(EffectKind::Backlash, 0.03, 0.003).is_empty(), "it comes from the heights of feet");
+    assert!(false_play(&with(EffectKind::Strength, -0.4), &Theta::default(), &[]).is_empty());
 }

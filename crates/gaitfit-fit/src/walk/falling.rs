@@ -45,6 +45,7 @@ mod tests {
             sidecars: Vec::new(),
             joints: Vec::new(),
             trajectory,
+            mounting: None,
             filled: Vec::new(),
         }
     }

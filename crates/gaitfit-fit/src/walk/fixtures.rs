@@ -8,9 +8,9 @@ use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
-use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::{Layout, Past};
+use gaitfit_policy::{Policy, Quantity, Term};
 
 /// The Go2 at the built-in task.
 pub fn scene() -> Task {
@@ -18,12 +18,28 @@ pub fn scene() -> Task {
     Task::new(&model, &TaskSettings::default().calm(), Preset::Fast).unwrap()
 }
 
+/// The same with a policy that observes a gait clock, which turns by a twentieth in a control period.
+pub fn clocked() -> Task {
+    let mut settings = TaskSettings::default().calm();
+    settings.policy.gait_frequency = Some(0.05 / scene().walker.interface.control_dt);
+    settings.policy.observation.push(Term::new(Quantity::GaitPhase));
+    Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap()
+}
+
 /// A policy that has learnt nothing, with outputs that move the legs.
 pub fn policy(scene: &Task, seed: u64) -> Policy {
+    policy_with(scene, seed, None)
+}
+
+/// The same with a memory.
+pub fn policy_with(scene: &Task, seed: u64, memory: Option<ppo::MemorySettings>) -> Policy {
     let ppo = ppo::Settings {
         actor_hidden: vec![16],
         critic_hidden: vec![16],
         output_gain: 1.0,
+        // A minibatch of a policy with a memory takes whole robots, and there is one.
+        minibatches: 1,
+        memory,
         ..ppo::Settings::default()
     };
     let learner = Training::fresh_learner(scene, &ppo, seed).unwrap();
@@ -71,7 +87,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
     let mut action = vec![0.0f32; joints];
     let layout = Layout::new(interface, &interface.observation);
     let mut observation = vec![0.0f32; layout.width()];
-    let mut past = Past::new(&layout, 1);
+    let (mut past, mut memory) = (Past::new(&layout, 1), policy.memory(1));
     for sample in 0..samples {
         log.position.extend(&position);
         log.velocity.extend(&velocity);
@@ -79,7 +95,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         let (given, row) = (Given::default(), past.row(0));
         observation::write(&layout, interface, &log, sample, &last, &given, 0.0, row, &mut observation);
         past.take(&observation);
-        policy.act(1, &observation, &mut action, &mut scratch);
+        policy.act_with(1, &observation, &mut memory, &mut action, &mut scratch);
         for joint in 0..joints {
             let target =
                 interface.default_pose[joint] + interface.action_scale[joint] * f64::from(action[joint]);

@@ -14,6 +14,13 @@ const PRECISION: f64 = 30.0;
 /// Phases of a gait clock that are tried; a log does not say when the clock began.
 const PHASES: usize = 20;
 
+/// The phases of the gait clock at a log's first sample that are tried; 0 alone for policies without a clock.
+pub fn phases(interface: &Interface) -> impl ExactSizeIterator<Item = f64> + use<> {
+    let clocked = interface.observation.iter().any(|term| term.quantity.is_of_clock());
+    let count = if clocked { PHASES } else { 1 };
+    (0..count).map(|phase| phase as f64 / PHASES as f64)
+}
+
 /// Estimates the numbers that a sample lacks, by Levenberg–Marquardt on ‖PRECISION (π(o) − a) / spread‖² + ‖unknown / spread‖².
 pub struct Search<'a> {
     policy: &'a Policy,
@@ -161,15 +168,14 @@ impl<'a> Search<'a> {
 
     /// Phase of the gait clock at the log's first sample; 0 for policies without one.
     pub fn clock(&mut self, log: &Trajectory, chosen: &[(usize, Vec<f64>, Vec<f64>)]) -> f64 {
-        let clocked = self.policy.interface.observation.iter().any(|term| term.quantity.is_of_clock());
-        if !clocked {
+        let phases = phases(&self.policy.interface);
+        if phases.len() == 1 {
             return 0.0;
         }
         // About 20 samples, spread over the log, are enough for one unknown.
         let some: Vec<_> = chosen.iter().step_by(chosen.len().div_ceil(20).max(1)).collect();
         let mut best = (f64::INFINITY, 0.0);
-        for phase in 0..PHASES {
-            let clock = phase as f64 / PHASES as f64;
+        for clock in phases {
             let mut off = 0.0;
             for (sample, logged, last) in &some {
                 let given = Given::from_log(log, *sample);

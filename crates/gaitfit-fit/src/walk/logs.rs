@@ -90,14 +90,18 @@ pub fn read(
         |logs: &[Log], removed: &[Cut]| enough(purpose, config, config_path, reads.len(), logs, removed);
     let margin = config.fall_margin();
     // First the parts in which the robot is on its feet, by what the logs show themselves.
-    let (stretches, mut removed, on_feet_s) = on_feet(&reads, config, scene)?;
+    let (stretches, mut removed, mut on_feet_s) = on_feet(&reads, config, scene)?;
     let mut logs = long_enough(stretches, config, &mut warnings);
     warnings.extend(filled(&logs));
     enough(&logs, &removed)?;
     let policy_match = follow(policy, config, scene, &logs, &mut warnings)?;
     // Without the base's orientation the policy's actions show falls, but only if they are the policy's.
     if policy_match.agrees() && !policy_match.exact {
-        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
+        let before = seconds(&logs);
+        let left = cuts::cut_felt(policy, logs, margin, &mut removed)?;
+        // A robot that the policy felt falling was not on its feet either.
+        on_feet_s -= before - seconds(&left);
+        logs = long_enough(left, config, &mut warnings);
         enough(&logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
@@ -203,6 +207,11 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
         removed.extend(cut);
     }
     Ok((stretches, removed, seconds))
+}
+
+/// The time of logs, s.
+fn seconds(logs: &[Log]) -> f64 {
+    logs.iter().map(|log| log.trajectory.len() as f64 * log.trajectory.dt()).sum()
 }
 
 /// Compares the actions of `logs` with the policy's, and adds to `warnings` what is doubtful.
@@ -316,6 +325,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         trajectory,
         even,
         motion,
+        mounting: None,
     })
 }
 

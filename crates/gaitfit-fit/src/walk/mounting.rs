@@ -54,7 +54,10 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
         return None;
     }
     let settings = ImuSettings { mounting: Some(mounting), ..ImuSettings::default() };
-    reads.iter_mut().for_each(|read| turn(&mut read.trajectory, policy, &settings));
+    for read in reads {
+        turn(&mut read.trajectory, policy, &settings);
+        read.mounting = Some(mounting);
+    }
     let [roll, pitch, yaw] = mounting;
     Some(format!(
         "the inertial unit is mounted turned: the logged actions follow from the policy with mounting = [{roll}, {pitch}, {yaw}] \
@@ -104,6 +107,7 @@ mod tests {
         }
         let text = settle(&mut reads, &policy).unwrap();
         assert!(text.contains("[180, 0, 90]"), "{text}");
+        assert!(reads.iter().all(|read| read.mounting == Some([180.0, 0.0, 90.0])));
         for (read, right) in reads.iter().zip(&right) {
             let rates = |log: &Trajectory| log.base.as_ref().unwrap().angular_velocity.clone().unwrap();
             let off = rates(&read.trajectory)

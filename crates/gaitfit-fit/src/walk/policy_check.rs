@@ -5,7 +5,7 @@
 //! action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the right policy's
 //! actions are met almost exactly and another's are not.
 
-use super::imu_search::{Search, clipped};
+use super::imu_search::{Search, clipped, phases};
 use super::observation::{self, Given};
 use crate::Error;
 use gaitfit_log::Trajectory;
@@ -29,6 +29,8 @@ const DOUBTFUL: f64 = 0.08;
 const ANOTHER: f64 = 0.33;
 /// Time at a log's beginning in which a recurrent policy's actions are not compared, s.
 const SETTLE_S: f64 = 0.4;
+/// Time after that in which the phase of its gait clock is looked for, s.
+const CLOCK_S: f64 = 4.0;
 /// Below this mismatch not even a shift is looked for.
 const NOTICED: f64 = 0.02;
 
@@ -177,25 +179,38 @@ impl Comparison {
         if !(0..log.len()).all(|sample| Given::from_log(log, sample).missing(interface).is_empty()) {
             return;
         }
-        let settled = (SETTLE_S / interface.control_dt).round() as usize;
-        let layout = Layout::new(interface, &interface.observation);
-        let (mut memory, mut past) = (policy.memory(1), Past::new(&layout, 1));
-        let (mut row, mut predicted) = (vec![0.0; layout.width()], vec![0.0; joints]);
-        let mut scratch = Scratch::default();
-        let mut last = vec![0.0; joints];
-        for sample in 0..log.len() {
-            let given = Given::from_log(log, sample);
-            observation::write(&layout, interface, log, sample, &last, &given, 0.0, past.row(0), &mut row);
-            policy.act_with(1, &row, &mut memory, &mut predicted, &mut scratch);
-            past.take(&row);
-            // The logged action, not the predicted one: the policy observed what it had really done.
-            last.copy_from_slice(&action[sample * joints..(sample + 1) * joints]);
-            *seen += 1;
+        let samples = |seconds: f64| (seconds / interface.control_dt).round() as usize;
+        let settled = samples(SETTLE_S);
+        // The logged action that the policy's action of a sample stands against.
+        let logged = |sample: usize| {
             let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
-            if let Some(at) = at.filter(|_| sample >= settled && seen.is_multiple_of(every)) {
-                let logged = &action[at * joints..(at + 1) * joints];
-                self.logged.extend(clipped(interface, logged.iter().copied()));
-                self.predicted.extend(clipped(interface, predicted.iter().map(|&x| f64::from(x))));
+            let at = at.filter(|_| sample >= settled)?;
+            Some(clipped(interface, action[at * joints..(at + 1) * joints].iter().copied()))
+        };
+        // A log does not say when the gait clock began. Its beginning is enough for one unknown.
+        let beginning = log.len().min(settled + samples(CLOCK_S));
+        let off = |clock: f64| -> f64 {
+            let predicted = remembered(policy, log, action, clock, beginning);
+            let rows = predicted.chunks_exact(joints).enumerate();
+            let pairs = rows.filter_map(|(sample, row)| Some((row, logged(sample)?)));
+            pairs
+                .map(|(row, logged)| row.iter().zip(&logged).map(|(a, b)| (a - b).powi(2)).sum::<f64>())
+                .sum()
+        };
+        let tried: Vec<f64> = phases(interface).collect();
+        let clock = match tried.as_slice() {
+            [only] => *only,
+            _ => {
+                let costs = tried.into_iter().map(|clock| (clock, off(clock)));
+                costs.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0.0, |(clock, _)| clock)
+            }
+        };
+        let predicted = remembered(policy, log, action, clock, log.len());
+        for (sample, row) in predicted.chunks_exact(joints).enumerate() {
+            *seen += 1;
+            if let Some(logged) = logged(sample).filter(|_| seen.is_multiple_of(every)) {
+                self.logged.extend(logged);
+                self.predicted.extend(row);
                 self.samples.push(number);
             }
         }
@@ -247,6 +262,29 @@ impl Comparison {
         };
         names.iter().enumerate().map(|(joint, name)| (name.clone(), correlation(joint))).collect()
     }
+}
+
+/// The actions of a recurrent policy in the first `samples` rows of a log, `samples × joints`, within their limits.
+/// `clock`: phase of the gait clock in the first row.
+fn remembered(policy: &Policy, log: &Trajectory, action: &[f64], clock: f64, samples: usize) -> Vec<f64> {
+    let interface = &policy.interface;
+    let joints = interface.joints.len();
+    let layout = Layout::new(interface, &interface.observation);
+    let (mut memory, mut past) = (policy.memory(1), Past::new(&layout, 1));
+    let (mut row, mut acted) = (vec![0.0; layout.width()], vec![0.0; joints]);
+    let mut scratch = Scratch::default();
+    let mut last = vec![0.0; joints];
+    let mut predicted = Vec::with_capacity(samples * joints);
+    for sample in 0..samples {
+        let given = Given::from_log(log, sample);
+        observation::write(&layout, interface, log, sample, &last, &given, clock, past.row(0), &mut row);
+        policy.act_with(1, &row, &mut memory, &mut acted, &mut scratch);
+        past.take(&row);
+        // The logged action, not the predicted one: the policy observed what it had really done.
+        last.copy_from_slice(&action[sample * joints..(sample + 1) * joints]);
+        predicted.extend(clipped(interface, acted.iter().map(|&x| f64::from(x))));
+    }
+    predicted
 }
 
 fn mean(values: &[f64], joints: usize) -> Vec<f64> {

@@ -31,6 +31,8 @@ pub struct Read {
     pub(super) even: Option<String>,
     /// The place in a motion that was assumed, in words.
     pub(super) motion: Option<String>,
+    /// The turn of the inertial unit that the policy showed, see [`super::mounting`].
+    pub(super) mounting: Option<[f64; 3]>,
 }
 
 #[cfg(test)]
@@ -47,6 +49,7 @@ impl Read {
             trajectory,
             even: None,
             motion: None,
+            mounting: None,
         }
     }
 }

@@ -165,6 +165,7 @@ mod tests {
             sidecars: Vec::new(),
             joints,
             trajectory,
+            mounting: None,
             filled: Vec::new(),
         }
     }

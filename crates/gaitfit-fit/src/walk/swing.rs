@@ -6,7 +6,7 @@ pub use super::swing_numbers::{SwingNumber, numbers, prior_toml, sensor_numbers}
 use crate::log::Log;
 use crate::watch::Watch;
 use gaitfit_adapt::JointParameter;
-use gaitfit_log::{Gains, ReadOptions, Sensors, Trajectory, read_csv};
+use gaitfit_log::{Gains, ImuSettings, ReadOptions, Sensors, Trajectory, read_csv};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -122,6 +122,10 @@ fn recorded(log: &Log) -> Option<Trajectory> {
     let mut whole = read.select_joints(&log.joints).ok()?;
     whole.joints.clone_from(&log.trajectory.joints);
     whole.velocity_joints.clone_from(&log.trajectory.velocity_joints);
+    // The file has the readings of a unit that the policy showed to be turned as they were.
+    if let Some(base) = &mut whole.base {
+        ImuSettings { mounting: log.mounting, ..ImuSettings::default() }.apply(base);
+    }
     // A longer recording has parts that were cut away, such as those behind the horizon.
     let enough = whole.duration() - log.trajectory.duration() < ENDS_S && whole.target.is_some();
     enough.then_some(whole)

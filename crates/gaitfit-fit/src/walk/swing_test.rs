@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
+use gaitfit_log::{BaseState, write_csv};
 
 fn report() -> SwingReport {
     let joints = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned).to_vec();
@@ -75,4 +76,37 @@ fn values_far_from_swings_are_named_and_others_are_not() {
     assert!(text.contains("frictionloss_calf 1.900 fitted, 0.650 ± 0.050"), "{text}");
     assert!(!text.contains("armature"), "{text}");
     assert_eq!(doubt(&beside[1..3]), None);
+}
+
+#[test]
+fn a_recording_that_is_read_again_keeps_the_turn_of_its_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let (joints, rows) = (vec!["knee".to_owned()], 100);
+    let time: Vec<f64> = (0..rows).map(|row| 0.01 * f64::from(row)).collect();
+    let base = BaseState {
+        quaternion: Some([1.0, 0.0, 0.0, 0.0].repeat(time.len())),
+        angular_velocity: Some([0.1, 0.2, 0.3].repeat(time.len())),
+        ..BaseState::default()
+    };
+    let still = vec![0.0; time.len()];
+    let file = Trajectory {
+        base: Some(base),
+        target: Some(still.clone()),
+        ..Trajectory::of_joints(joints.clone(), 100.0, time, still.clone(), still)
+    };
+    write_csv(&path, &file).unwrap();
+    let rates = |mounting: Option<[f64; 3]>| -> Vec<f64> {
+        let (name, joints, trajectory) = (String::new(), joints.clone(), file.clone());
+        let log =
+            Log { name, path: path.clone(), sidecars: vec![], joints, trajectory, mounting, filled: vec![] };
+        recorded(&log).unwrap().base.unwrap().angular_velocity.unwrap()[..3].to_vec()
+    };
+    let near = |mounting, expected: [f64; 3]| {
+        let rates = rates(mounting);
+        assert!(rates.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{rates:?}");
+    };
+    near(None, [0.1, 0.2, 0.3]);
+    // Upside down about x: y and z are negated.
+    near(Some([180.0, 0.0, 0.0]), [0.1, -0.2, -0.3]);
 }

@@ -34,24 +34,34 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
     if !unknown.contains(&Unknown { quantity: Quantity::ProjectedGravity, number: 0 }) || remembers {
         return Vec::new();
     }
-    let joints = interface.joints.len();
     // Each look costs a search, so only some samples are looked at.
     let every = ((EVERY_S / interface.control_dt).round() as usize).max(1);
+    leaning(&looks(policy, log, action, spread, every), every, log.len())
+}
+
+/// The lean at every `every`-th sample of a log with these actions: sample, degrees.
+fn looks(
+    policy: &Policy,
+    log: &Trajectory,
+    action: &[f64],
+    spread: &[f64],
+    every: usize,
+) -> Vec<(usize, f64)> {
+    let joints = policy.interface.joints.len();
+    let row = |sample: usize| action[sample * joints..(sample + 1) * joints].to_vec();
+    let chosen: Vec<(usize, Vec<f64>, Vec<f64>)> =
+        (1..log.len()).step_by(every).map(|sample| (sample, row(sample), row(sample - 1))).collect();
     let mut search = Search::new(policy, spread);
-    let clock = 0.0;
-    let looks: Vec<(usize, f64)> = (1..log.len())
-        .step_by(every)
-        .map(|sample| {
-            let last = &action[(sample - 1) * joints..sample * joints];
-            let logged = &action[sample * joints..(sample + 1) * joints];
-            let given = Given::from_log(log, sample);
-            let (_, nearest) = search.nearest(log, sample, last, &given, clock, logged);
-            // The sine of the lean. Beyond 90° it falls again: a robot on its back seems upright, see [`APART`].
-            let [x, y, _] = nearest.get(Quantity::ProjectedGravity).unwrap_or_default();
-            (sample, x.hypot(y).min(1.0).asin().to_degrees())
-        })
-        .collect();
-    leaning(&looks, every, log.len())
+    // A log does not say when the gait clock began.
+    let clock = search.clock(log, &chosen);
+    let look = |(sample, logged, last): &(usize, Vec<f64>, Vec<f64>)| {
+        let given = Given::from_log(log, *sample);
+        let (_, nearest) = search.nearest(log, *sample, last, &given, clock, logged);
+        // The sine of the lean. Beyond 90° it falls again: a robot on its back seems upright, see [`APART`].
+        let [x, y, _] = nearest.get(Quantity::ProjectedGravity).unwrap_or_default();
+        (*sample, x.hypot(y).min(1.0).asin().to_degrees())
+    };
+    chosen.iter().map(look).collect()
 }
 
 /// Ranges of samples around medians beyond [`FALLEN`] of `looks` (sample, degrees).
@@ -80,7 +90,7 @@ fn leaning(looks: &[(usize, f64)], every: usize, samples: usize) -> Vec<Range<us
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use crate::walk::fixtures::{logs, policy, scene};
+    use crate::walk::fixtures::{clocked, logs, policy, puppet, scene};
     use crate::walk::policy_check::spread;
 
     #[test]
@@ -94,6 +104,18 @@ mod tests {
         assert_eq!((fell.len(), fell[0].clone()), (1, 0..55));
         let fell = leaning(&looks(&[5.0, 9.0, 60.0, 80.0, 90.0, 85.0, 90.0, 88.0]), 5, 38);
         assert_eq!((fell.len(), fell[0].clone()), (1, 10..38));
+    }
+
+    /// A robot that is level seems so, whatever the phase of the gait clock at which its log begins.
+    #[test]
+    fn the_lean_does_not_depend_on_when_the_gait_clock_began() {
+        let policy = policy(&clocked(), 3);
+        let log = puppet(&policy, 1, 2.0);
+        // The clock turns by a twentieth in a sample: after ten it is at its other half.
+        let later = log.slice(10..log.len()).unwrap();
+        let spread = spread(&[&later], 12);
+        let looks = looks(&policy, &later, later.action.as_ref().unwrap(), &spread, 5);
+        assert!(looks.len() > 10 && looks.iter().all(|look| look.1 < 1.0), "{looks:?}");
     }
 
     /// Where the base is known the estimate is not needed; where it is not, the estimate is near the truth.

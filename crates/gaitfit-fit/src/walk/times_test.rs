@@ -21,6 +21,7 @@ fn as_logs(trajectories: &[Trajectory]) -> Vec<Log> {
         sidecars: Vec::new(),
         joints: trajectory.joints.clone(),
         trajectory: trajectory.clone(),
+        mounting: None,
         filled: Vec::new(),
     };
     trajectories.iter().enumerate().map(log).collect()

@@ -227,7 +227,7 @@ fn parse_value(line: &str) -> DeValue<'_> {
     let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
         Some(value) => value.into_inner(),
-        None => DeValue::String(Cow::Borrowed(line.trim_start_matches("value = "))),
+        None => DeValue::String(Cow::Borrowed(line.strip_prefix("value = ").unwrap_or(line))),
     }
 }
 
@@ -281,6 +281,8 @@ mod tests {
         assert_eq!(config.costs, [CostKind::Wass]);
         assert_eq!(config.gains.kp, Some(PerJoint::All(20.0)));
         assert_eq!(config.robot, "a/b.xml");
+        let text = load_text("", &["robot=value = a.xml"]).unwrap().robot;
+        assert_eq!(text, "value = a.xml", "a value may begin as the line does");
     }
 
     #[test]

@@ -43,8 +43,16 @@ pub fn verdict(evaluation: &Evaluation, command: &CommandSettings) -> Option<Ver
     if falls > FEW_FALLS {
         let does = if evaluation.motion_error.is_some() { "follows its motion" } else { "walks" };
         let text = format!("{fallen}; a policy that {does} falls in at most {:.0} %.", 100.0 * FEW_FALLS);
-        // A robot that falls early may also follow badly; the greater shortfall counts.
-        let by_error = error / (FOLLOWS * standing_error(command));
+        // A robot that falls early may also follow badly; the greater shortfall counts. A motion has no commands, so its
+        // own distance counts. Without a commanded velocity only the falls count.
+        let still = standing_error(command);
+        let by_error = match (evaluation.motion_error, evaluation.motion_error_at_rest) {
+            (Some(motion), Some(rest)) => {
+                follows_motion(motion.mean, rest, &fallen).map_or(0.0, |verdict| verdict.shortfall)
+            }
+            (None, _) if still > 0.0 => error / (FOLLOWS * still),
+            _ => 0.0,
+        };
         return Some(Verdict { walks: false, shortfall: (falls / FEW_FALLS).max(by_error), text });
     }
     // Few enough robots diverge to pass the limit of falls. But their errors are in no mean, so the rest says
@@ -175,6 +183,28 @@ mod tests {
         let diverged = said(f64::NAN, 1.0, 10).unwrap();
         assert!(!diverged.walks && diverged.text.contains("100.00 %") && diverged.text.contains("diverge"));
     }
+
+    #[test]
+    fn the_velocity_error_of_who_falls_counts_only_under_commands() {
+        let shortfall = |motion: Option<[f64; 2]>, ranges: &CommandSettings| {
+            let document = serde_json::json!({
+                "trajectories": 10, "linear_velocity_error": { "mean": 3.0, "ci95": 0.0 },
+                "angular_velocity_error": { "mean": 0.0, "ci95": 0.0 }, "fall_rate": { "mean": 0.04, "ci95": 0.0 },
+                "motion_error": motion.map(|[off, _]| serde_json::json!({ "mean": off, "ci95": 0.0 })),
+                "motion_error_at_rest": motion.map(|[_, rest]| rest),
+            });
+            verdict(&serde_json::from_value(document).unwrap(), ranges).unwrap().shortfall
+        };
+        let (walking, still) = (command([0.0, 2.0], [0.0; 2], 0.0), command([0.0; 2], [0.0; 2], 0.0));
+        let near = |one: f64, other: f64| assert!((one - other).abs() < 1e-12, "{one} {other}");
+        near(shortfall(None, &walking), 6.0);
+        near(shortfall(None, &still), 2.0);
+        for ranges in [&walking, &still] {
+            near(shortfall(Some([0.1, 0.25]), ranges), 2.0);
+            near(shortfall(Some([0.5, 0.25]), ranges), 4.0);
+        }
+    }
+
     #[test]
     fn who_rests_does_not_follow_a_motion() {
         let said = |off, rest| follows_motion(off, rest, "0.00 % of the trajectories end in a fall");

@@ -9,6 +9,7 @@ use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
 use gaitfit_learn::{Training, TrainingError};
 use gaitfit_policy_files::weights;
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Files of a seed, in its folder.
@@ -181,9 +182,10 @@ impl Session<'_> {
                 },
                 None => match self.training.iterate(self.setup.threads) {
                     Ok(iteration) => iteration,
-                    // Who stops a function in the middle of an iteration stops the training.
+                    // Who stops a function in the middle of an iteration stops the training. Nothing is saved: the robots
+                    // are past the iteration's beginning, so a resumed training would not have the same bits.
                     Err(TrainingError::UserTerms { .. }) if self.watch.stop() => {
-                        return Err(self.interrupted());
+                        return Err(self.interrupted(saved.1));
                     }
                     Err(error) => return Err(self.stopped(&error, saved.1)),
                 },
@@ -209,22 +211,20 @@ impl Session<'_> {
                 saved = (Instant::now(), metric.iteration);
             }
             if interrupted && !self.finished() {
-                return Err(self.interrupted());
+                return Err(self.interrupted(saved.1));
             }
         }
         drop(counting);
         // Asked in a seed's last iteration: the next ones, and the report, wait for --resume.
-        if self.watch.stop() { Err(self.interrupted()) } else { Ok(()) }
+        if self.watch.stop() { Err(self.interrupted(saved.1)) } else { Ok(()) }
     }
 
-    fn interrupted(&self) -> Error {
-        let message = format!(
-            "interrupted after iteration {} of seed {}; {} has the checkpoint, --resume continues",
-            self.training.iteration(),
-            self.seed,
-            self.folder.path().join(&self.files.folder).display()
-        );
-        Error::interrupted(message, self.folder.path())
+    /// The error of an interruption. `kept`: the iteration of the last checkpoint.
+    fn interrupted(&self, kept: u32) -> Error {
+        let path = self.folder.path();
+        let message =
+            interruption(self.training.iteration(), kept, self.seed, &path.join(&self.files.folder));
+        Error::interrupted(message, path)
     }
 
     fn finished(&self) -> bool {
@@ -243,6 +243,15 @@ impl Session<'_> {
     }
 }
 
+/// The message of an interruption after `iteration`, where `folder` has the checkpoint of iteration `kept`.
+fn interruption(iteration: u32, kept: u32, seed: u64, folder: &Path) -> String {
+    let of = if kept == iteration { String::new() } else { format!(" of iteration {kept}") };
+    format!(
+        "interrupted after iteration {iteration} of seed {seed}; {} has the checkpoint{of}, --resume continues",
+        folder.display()
+    )
+}
+
 /// Reward, errors and falls, for the progress bar.
 fn state(metric: &Metric) -> String {
     let shown = |value: Option<f64>, unit: &str| match value {
@@ -257,4 +266,19 @@ fn state(metric: &Metric) -> String {
         shown(metric.episode_seconds, "s"),
         shown(metric.fall_rate.map(|share| 100.0 * share), "%")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interruption_names_an_older_checkpoint() {
+        let text = |kept| interruption(55, kept, 1, Path::new("runs/a/seed-1"));
+        assert_eq!(
+            text(55),
+            "interrupted after iteration 55 of seed 1; runs/a/seed-1 has the checkpoint, --resume continues"
+        );
+        assert!(text(40).contains("has the checkpoint of iteration 40, --resume"), "{}", text(40));
+    }
 }

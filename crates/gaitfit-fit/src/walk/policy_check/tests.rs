@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
-use crate::walk::fixtures::{logs, policy, scene};
+use crate::walk::fixtures::{clocked, logs, policy, policy_with, puppet, scene};
+use gaitfit_learn::ppo::MemorySettings;
 use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_log::BaseState;
 use gaitfit_physics::Preset;
 use gaitfit_policy::{Quantity, Term};
 
@@ -150,6 +152,32 @@ fn policies_with_a_memory_or_a_graph_are_known_along_whole_logs() {
             assert!(verdict.unwrap()[0].contains("do not show whether"));
         }
     }
+}
+
+/// Logs of policies with a gait clock may begin at any of its phases.
+#[test]
+fn a_policy_with_a_memory_is_known_whenever_its_gait_clock_began() {
+    let scene = clocked();
+    let memory = MemorySettings { width: 16, ..MemorySettings::default() };
+    let (walked, other) = (policy_with(&scene, 3, Some(memory)), policy_with(&scene, 4, Some(memory)));
+    let log = |number: usize| {
+        let log = puppet(&walked, number, 2.0);
+        let still = Some(vec![0.0; 3 * log.len()]);
+        let base = BaseState {
+            position: still.clone(),
+            quaternion: Some([1.0, 0.0, 0.0, 0.0].repeat(log.len())),
+            linear_velocity: still.clone(),
+            angular_velocity: still,
+        };
+        let log = Trajectory { base: Some(base), ..log };
+        // The clock is at its other half then.
+        log.slice(10..log.len()).unwrap()
+    };
+    let logs = [log(1), log(2)];
+    let (policy_match, verdict) = judged(&walked, &logs);
+    assert!(policy_match.samples > 100 && policy_match.mismatch < 0.25 * DOUBTFUL, "{policy_match:?}");
+    assert!(verdict.unwrap().is_empty());
+    assert!(judged(&other, &logs).0.mismatch > DOUBTFUL);
 }
 
 #[test]
