@@ -80,6 +80,11 @@ fn a_configuration_names_file_line_and_column() {
 }
 
 #[test]
+fn advised_commands_keep_a_path_with_spaces_whole() {
+    refused(&run(&["export", "my walk.csv"]), 2, &["gaitfit export 'my walk.csv' --out log.mcap"]);
+}
+
+#[test]
 fn lengths_of_a_view() {
     for (option, value, bound) in
         [("--seconds", "0", "above 0"), ("--seconds", "inf", "above 0"), ("--from", "inf", "not below 0")]
