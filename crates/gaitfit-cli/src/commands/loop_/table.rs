@@ -77,8 +77,10 @@ pub fn text(results: &Results) -> String {
         let _ = writeln!(text, "next: {next}");
     }
     let _ = writeln!(text, "policy: {}   {}", results.policy, results.onnx);
-    if let Some(round) = results.rounds.last() {
-        let _ = writeln!(text, "theta: {}", round.theta);
+    if let Some(round) = results.best_round() {
+        // Of several rounds an earlier one may have trained the best policy.
+        let number = if rounds > 1 { format!(" (round {})", round.round) } else { String::new() };
+        let _ = writeln!(text, "theta{number}: {}", round.theta);
     }
     let _ = writeln!(text, "report: {}/report.html", results.run_folder);
     text
