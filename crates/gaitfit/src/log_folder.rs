@@ -263,7 +263,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let names = [".writing-logs-killed", ".writing-logs2-ABCDEF", ".writing-logs-2-ABCDEF"];
         let [killed, longer, numbered] = names.map(|name| folder.path().join(name));
-        [&killed, &longer, &numbered].map(|path| fs::create_dir(path).unwrap());
+        for path in [&killed, &longer, &numbered] {
+            fs::create_dir(path).unwrap();
+        }
         write_whole(&folder.path().join("logs"), |_| Ok(())).unwrap();
         assert!(!killed.exists() && longer.is_dir() && numbered.is_dir());
     }
