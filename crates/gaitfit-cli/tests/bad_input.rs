@@ -80,6 +80,31 @@ fn a_configuration_names_file_line_and_column() {
 }
 
 #[test]
+fn advised_commands_keep_a_path_with_spaces_whole() {
+    refused(&run(&["export", "my walk.csv"]), 2, &["gaitfit export 'my walk.csv' --out log.mcap"]);
+}
+
+#[test]
+fn lengths_of_a_view() {
+    for (option, value, bound) in
+        [("--seconds", "0", "above 0"), ("--seconds", "inf", "above 0"), ("--from", "inf", "not below 0")]
+    {
+        refused(&run(&["view", "examples/go2-demo/fit.csv", option, value]), 2, &[option, value, bound]);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn arguments_that_are_not_utf_8() {
+    use std::os::unix::ffi::OsStrExt;
+    let file = std::ffi::OsStr::from_bytes(b"\xff.toml");
+    let mut command = common::program();
+    // With this variable the program looks at its arguments again after a refusal.
+    command.env("GAITFIT_ISA", "avx2").arg("fit").arg(file).args(["--device", "bad"]);
+    refused(&command.output().unwrap(), 2, &["--device", "bad"]);
+}
+
+#[test]
 fn logs() {
     let folder = tempfile::tempdir().unwrap();
     let runs = folder.path().join("runs");

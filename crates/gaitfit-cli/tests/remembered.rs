@@ -72,6 +72,8 @@ fn commands_find_the_robot_of_the_training_from_its_run_folder() {
     assert!(evaluation["simulator"].as_str().unwrap_or_default().contains("quad"), "{evaluation}");
     done(&folder, &format!("evaluate runs/walk/seed-1/policy.safetensors {short}"));
     done(&folder, "collect runs/walk --trajectories 2 --seconds 0.2 --out logs");
+    let output = run(&folder, "inspect logs/trajectory_00.csv --policy runs/walk --lenient");
+    assert_ne!(output.status.code(), Some(2), "{}", errors(&output));
     // It trains and saves. After so short a training the policy does not walk, so the exit code is 3.
     let output = run(&folder, &format!("finetune runs/walk --name tuned {TINY} --set ppo.critic_warmup=0"));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));

@@ -272,4 +272,5 @@ fn histograms_count_every_sample_once() {
     assert_eq!(histogram.counts[0], 100);
     assert!(Histogram::from_samples(&[f64::NAN], 10).counts.is_empty());
     assert_eq!(Histogram::from_samples(&[2.0; 7], 0).counts, [7]);
+    assert_eq!(Histogram::from_samples(&samples, 1000).counts.len(), 400, "no more are drawn");
 }

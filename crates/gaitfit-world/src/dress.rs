@@ -59,6 +59,10 @@ fn foot_within(robot: &ReplayRobot, body: usize, corners: &[Vec3]) -> Option<usi
         let of_foot = move |geom: &&Geom| geom.body == body && geom.foot == Some(foot);
         robot.geoms.iter().filter(of_foot)
     };
+    // A mesh without vertices shows nothing.
+    if corners.is_empty() {
+        return None;
+    }
     (0..robot.feet.len()).find(|&foot| {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for geom in geoms(foot) {
@@ -121,6 +125,8 @@ mod tests {
         let read = |name: &str| gaitfit_model::read(&folder.path().join(name), &Default::default()).unwrap();
         let drawn = shape("r", &read("r.xml"), &["foot".to_owned()]);
         let geoms: Vec<_> = drawn.geoms.iter().map(|geom| (geom.body, geom.shape, geom.foot)).collect();
+        assert_eq!(foot_within(&drawn, 1, &[[0.0, 0.0, -0.2]]), Some(0));
+        assert_eq!(foot_within(&drawn, 1, &[]), None, "a mesh without vertices");
         let ball = |radius| Shape::Sphere { radius };
         let mesh = |mesh| Shape::Mesh { mesh };
         // The sole hides the foot's ball: it shows the contact too.

@@ -107,11 +107,14 @@ impl LogWriter {
     }
 }
 
-/// Removes the folders in `parent` whose names begin so, which killed runs left.
+/// Removes the folders in `parent` that killed runs left: `prefix`, then random letters. A name with another `-` belongs to
+/// another collection, which may be writing it.
 fn remove_killed(parent: &Path, prefix: &str) -> std::io::Result<()> {
     for entry in fs::read_dir(parent)? {
         let entry = entry?;
-        if entry.file_name().to_string_lossy().starts_with(prefix) && entry.path().is_dir() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_left = name.strip_prefix(prefix).is_some_and(|random| !random.contains('-'));
+        if is_left && entry.path().is_dir() {
             fs::remove_dir_all(entry.path())?;
         }
     }
@@ -131,17 +134,13 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
     // The parent of a plain name is the empty path, which cannot be opened.
     let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unwritable = |error: std::io::Error| Error::unwritable(into, error);
-    let prefix = format!("{WRITING}{name}");
+    let prefix = format!("{WRITING}{name}-");
     // The hidden folder must be on the disk of `into`, or the rename could not be one step.
     fs::create_dir_all(parent).map_err(unwritable)?;
     // What a killed program left of earlier attempts would stay for ever.
     remove_killed(parent, &prefix).map_err(unwritable)?;
     let mut builder = tempfile::Builder::new();
-    let partial = folder_like(&mut builder)
-        .prefix(&format!("{prefix}-"))
-        .tempdir_in(parent)
-        .map_err(unwritable)?
-        .keep();
+    let partial = folder_like(&mut builder).prefix(&prefix).tempdir_in(parent).map_err(unwritable)?.keep();
     // After a failure the folder stays: a program that outlived its caller may still write there. The next
     // attempt removes it.
     fill(&partial)?;
@@ -257,6 +256,18 @@ mod tests {
         .unwrap();
         assert_eq!(csv_files(&into).unwrap(), [into.join("a.csv")]);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn folders_of_other_collections_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [".writing-logs-killed", ".writing-logs2-ABCDEF", ".writing-logs-2-ABCDEF"];
+        let [killed, longer, numbered] = names.map(|name| folder.path().join(name));
+        for path in [&killed, &longer, &numbered] {
+            fs::create_dir(path).unwrap();
+        }
+        write_whole(&folder.path().join("logs"), |_| Ok(())).unwrap();
+        assert!(!killed.exists() && longer.is_dir() && numbered.is_dir());
     }
 
     #[test]

@@ -62,7 +62,8 @@ pub fn from_variable(error: &clap::Error) -> Option<&'static str> {
     // clap reports a value from the environment as if it were on the command line. So it is the variable's only if
     // the option is absent and the values agree.
     let value = std::env::var(gaitfit_isa::VARIABLE).ok()?;
-    let given = std::env::args().any(|argument| argument.starts_with("--isa"));
+    // `args` panics at an argument that is not UTF-8.
+    let given = std::env::args_os().any(|argument| argument.to_string_lossy().starts_with("--isa"));
     (option && !given && text(ContextKind::InvalidValue) == Some(value.as_str()))
         .then_some(gaitfit_isa::VARIABLE)
 }

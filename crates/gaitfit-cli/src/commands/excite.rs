@@ -107,15 +107,20 @@ fn chirp(args: &cli::Excite) -> Result<(), Failure> {
         return output::print_json(&Document { chirp, written });
     }
     output::print(&text(&chirp, &written))?;
-    let out = args.out.display();
+    let log = args.out.join("log.csv");
     output::next(&[
         format!(
-            "python3 {out}/play.py, after you fill in its class Robot; it writes {out}/log.csv, which the next command fits"
+            "python3 {}, after you fill in its class Robot; it writes {}, which the next command fits",
+            argument(&args.out.join("play.py")),
+            log.display()
         ),
         match &args.fit {
-            None => format!("gaitfit fit {out}/fit.toml"),
+            None => format!("gaitfit fit {}", argument(&args.out.join("fit.toml"))),
             // The gains and parameters of this fit decided the motion, so its log belongs to the same fit.
-            Some(fit) => format!("gaitfit fit {} --set 'logs=[\"{out}/log.csv\"]'", fit.display()),
+            Some(fit) => {
+                let logs = format!("logs=[{}]", toml::Value::from(log.display().to_string()));
+                format!("gaitfit fit {} --set {}", argument(fit), argument(Path::new(&logs)))
+            }
         },
     ])
 }

@@ -11,7 +11,7 @@ use gaitfit_import::{
     ImportError, ImportReport, Imported, MAX_MAPPING_BYTES, Mapping, ObservedNumber, Options,
 };
 use gaitfit_log::{CheckSpec, Finding, FindingKind, Severity, check, write_csv};
-use gaitfit_model::{Model, shown, shown_path};
+use gaitfit_model::{Model, argument, shown, shown_path};
 use gaitfit_policy::observation::Layout;
 use gaitfit_policy::{Interface, Quantity};
 use serde::Serialize;
@@ -82,8 +82,8 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     if args.json {
         return Ok(());
     }
-    let robot = args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", robot.display()));
-    output::next(&[format!("gaitfit inspect {}{robot} --plot log.svg", document.written)])
+    let robot = args.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", argument(robot)));
+    output::next(&[format!("gaitfit inspect {}{robot} --plot log.svg", argument(&args.out))])
 }
 
 /// Reads a recording. Where nobody states the order of its numbered joints, `assumed` is the robot whose order was taken:

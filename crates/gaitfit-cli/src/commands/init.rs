@@ -8,6 +8,7 @@ use crate::output;
 use gaitfit::files::{self, Output};
 use gaitfit::init::{Guess, Look, Preparation, Prepared, prepare};
 use gaitfit::{paths, robot};
+use gaitfit_model::argument;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use trainings::{Training, remedy, train_guesses, tried};
@@ -121,23 +122,28 @@ pub fn run(args: &Init) -> Result<(), Failure> {
     match (args.json, args.train) {
         (true, _) => output::print_json(&document)?,
         (false, false) => {
-            output::print(&format!("{}next: gaitfit train {}\n", shown(&document), document.written))?
+            let configuration = argument(&files.configuration);
+            output::print(&format!("{}next: gaitfit train {configuration}\n", shown(&document)))?;
         }
         (false, true) => {
             let walks = document.trainings.iter().find(|training| training.walks);
             let policy = walks.and_then(|training| training.policy.clone());
             output::print(&tried(&document.trainings))?;
             if let Some(policy) = policy {
-                output::next(&[format!("gaitfit evaluate {policy} --report evaluation.html")])?;
+                output::next(&[format!(
+                    "gaitfit evaluate {} --report evaluation.html",
+                    argument(Path::new(&policy))
+                )])?;
             }
         }
     }
     // Scripts see by the exit code that no policy walks.
     match document.trainings.iter().any(|training| training.walks) || !args.train {
         true => Ok(()),
-        false => {
-            Err(Failure { exit: Exit::Check, message: remedy(args, &document.trainings, &document.written) })
-        }
+        false => Err(Failure {
+            exit: Exit::Check,
+            message: remedy(args, &document.trainings, &files.configuration),
+        }),
     }
 }
 

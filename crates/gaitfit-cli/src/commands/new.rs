@@ -34,10 +34,7 @@ pub fn run(args: &New) -> Result<(), Failure> {
         let asked = Output { path: out, option: "--out", ending: Some("toml") };
         files::check(&[asked], inputs.map(PathBuf::as_path))?;
         if out.exists() && !args.force {
-            return Err(Failure::usage(format!(
-                "{} exists already; give another --out, or --force to overwrite it",
-                out.display()
-            )));
+            return Err(exists(out));
         }
         for path in &args.logs {
             settings.logs.extend(converted.logs(path, args, &mut assumed)?);
@@ -68,9 +65,19 @@ pub fn run(args: &New) -> Result<(), Failure> {
     }
 }
 
+fn exists(file: &Path) -> Failure {
+    Failure::usage(format!(
+        "{} exists already; give another --out, or --force to overwrite it",
+        file.display()
+    ))
+}
+
 /// Logs that recordings become, in a folder beside the configuration. What a call that fails wrote is removed.
 struct Converted {
     folder: PathBuf,
+    /// Logs of this call, also those that replace older files.
+    logs: Vec<PathBuf>,
+    /// Files to remove if the call fails.
     files: Vec<PathBuf>,
     /// Whether this call made the folder.
     made: bool,
@@ -80,13 +87,25 @@ impl Converted {
     fn new(out: Option<&Path>) -> Self {
         // Without `--out` nothing is converted, so the empty path is never used.
         let folder = out.map(|out| out.with_extension("logs")).unwrap_or_default();
-        Self { folder, files: Vec::new(), made: false }
+        Self { folder, logs: Vec::new(), files: Vec::new(), made: false }
     }
 
     /// The call did not fail: the logs stay.
     fn keep(&mut self) {
         self.files.clear();
         self.made = false;
+    }
+
+    /// The file for a recording's log. Recordings of other folders or formats may have the same name; they get numbers.
+    fn file(&self, recording: &Path) -> PathBuf {
+        let name = recording.file_stem().unwrap_or_default().to_string_lossy();
+        let mut file = self.folder.join(format!("{name}.csv"));
+        let mut number = 1;
+        while self.logs.contains(&file) {
+            number += 1;
+            file = self.folder.join(format!("{name}-{number}.csv"));
+        }
+        file
     }
 
     /// The logs at a path: a log itself, or what its recordings become.
@@ -131,14 +150,19 @@ impl Converted {
         }
         let mut logs = Vec::new();
         for recording in recordings {
-            let name = recording.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let log = self.folder.join(format!("{name}.csv"));
+            let log = self.file(&recording);
+            let asked = Output { path: &log, option: "--out", ending: None };
+            files::check(&[asked], [recording.as_path()])?;
             // Only files that this run made may be removed after a failure.
             let new = !log.exists();
+            if !new && !args.force {
+                return Err(exists(&log));
+            }
             for line in import::convert(&recording, &log, args)? {
                 assumed.push(format!("{}: {line}", shown_path(&recording)));
             }
             self.files.extend(new.then(|| log.clone()));
+            self.logs.push(log.clone());
             logs.push(log);
         }
         Ok(logs)
@@ -241,13 +265,15 @@ mod tests {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name).display().to_string();
-        std::fs::create_dir(path("mine")).unwrap();
+        for name in ["mine", "other"] {
+            std::fs::create_dir(path(name)).unwrap();
+        }
         let text = std::fs::read_to_string(root.join("examples/go2-demo/fit.csv")).unwrap();
         let mut lines = text.lines().filter(|line| !line.starts_with('#'));
         let header = lines.next().unwrap().replace("qdes_", "to_").replace("dq_", "speed_");
         let header = header.replace("q_", "angle_").replace("time", "stamp");
         let rows: Vec<&str> = lines.collect();
-        for name in ["mine/a.csv", "mine/b.csv"] {
+        for name in ["mine/a.csv", "mine/b.csv", "other/a.csv"] {
             std::fs::write(path(name), format!("{header}\n{}\n", rows.join("\n"))).unwrap();
         }
         let mapping = "kp = 25\nkd = 0.5\n[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"angle_{joint}\"\n\
@@ -263,7 +289,16 @@ mod tests {
         };
         assert!(called(&[]).is_err(), "nothing names its columns");
         assert!(!Path::new(&path("new.logs")).exists() && !Path::new(&path("new.toml")).exists());
-        called(&["--mapping", &path("map.toml")]).unwrap();
-        assert!(Path::new(&path("new.logs/a.csv")).exists() && Path::new(&path("new.logs/b.csv")).exists());
+        called(&["--mapping", &path("map.toml"), "--logs", &path("other")]).unwrap();
+        let written = std::fs::read_to_string(path("new.toml")).unwrap();
+        for name in ["a", "b", "a-2"] {
+            let log = format!("new.logs/{name}.csv");
+            assert!(Path::new(&path(&log)).exists() && written.contains(&log), "{log}: {written}");
+        }
+        // Logs of an earlier call are kept, too.
+        std::fs::remove_file(path("new.toml")).unwrap();
+        let refused = called(&["--mapping", &path("map.toml")]).unwrap_err().message;
+        assert!(refused.contains("a.csv exists already"), "{refused}");
+        assert!(Path::new(&path("new.logs/a.csv")).exists());
     }
 }

@@ -61,6 +61,7 @@ mod dds {
     use crate::signals;
     use gaitfit::files::Output;
     use gaitfit_import::Bag;
+    use gaitfit_model::argument;
     use gaitfit_robot::listen::Listener;
 
     /// Time between two looks at what has come.
@@ -179,9 +180,9 @@ mod dds {
             failure.message = format!(
                 "{}. The recording is kept; after a change of the file import it again: gaitfit import {} --mapping {} --out {}",
                 failure.message,
-                recording.display(),
-                args.topics.display(),
-                args.out.display()
+                argument(recording),
+                argument(&args.topics),
+                argument(&args.out)
             );
             failure
         })

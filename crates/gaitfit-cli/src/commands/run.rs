@@ -330,7 +330,8 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
     }
     let kept = printed.and_then(|()| save(args, who, &summary));
     if let (Who::Trials(_), false) = (who, args.link.dry_run) {
-        note(&format!("fill in {0}, then: gaitfit drift {0}", trial::form_path(args).display()));
+        let form = trial::form_path(args);
+        note(&format!("fill in {}, then: gaitfit drift {}", form.display(), argument(&form)));
     }
     // Without a reason the walk came to its end.
     let Some(reason) = &summary.reason else {

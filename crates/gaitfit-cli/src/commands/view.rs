@@ -19,10 +19,11 @@ struct Document<'a> {
 
 /// Simulates the log and writes the page.
 pub fn run(args: &View) -> Result<(), Failure> {
-    // The smallest positive number as the lower end refuses a length of 0.
-    for (option, value, min) in [("--from", args.from, 0.0), ("--seconds", args.seconds, f64::MIN_POSITIVE)] {
-        if !(value >= min && value.is_finite()) {
-            return Err(Failure::usage(format!("{option} {value}: give a number of seconds, not below 0")));
+    let from = ("--from", args.from, args.from >= 0.0, "not below 0");
+    let seconds = ("--seconds", args.seconds, args.seconds > 0.0, "above 0");
+    for (option, value, inside, bound) in [from, seconds] {
+        if !(inside && value.is_finite()) {
+            return Err(Failure::usage(format!("{option} {value}: give a number of seconds, {bound}")));
         }
     }
     let page = match &args.out {

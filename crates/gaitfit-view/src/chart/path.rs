@@ -16,7 +16,8 @@ pub(crate) fn percent(x: f64) -> String {
 }
 
 /// Indices that keep the look of `y` in at most about `points` points: the smallest and the largest value of each
-/// of `points / 2` equal stretches, so that no spike is lost, and the ends. Gaps (NaN) stay gaps.
+/// of `points / 2` equal stretches, so that no spike is lost, and the ends. A stretch with gaps (NaN) also keeps the
+/// first of them.
 pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
     if y.len() <= points.max(4) {
         return (0..y.len()).collect();
@@ -30,11 +31,11 @@ pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
         // Lowest and highest of each stretch, as a line of pixels covers no more.
         let low = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
         let high = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
-        match (low, high) {
-            (Some(a), Some(b)) => kept.extend([a.min(b), a.max(b)]),
-            // A stretch without numbers keeps one index, so that the gap shows.
-            _ => kept.push(from),
-        }
+        // A gap may be shorter than the stretch; without its index a line would cross it.
+        let gap = (from..to).find(|i| !y[*i].is_finite());
+        let mut of_stretch: Vec<usize> = [low, high, gap].into_iter().flatten().collect();
+        of_stretch.sort_unstable();
+        kept.extend(of_stretch);
     }
     kept.push(y.len() - 1);
     // A stretch with one number has it as lowest and as highest. The indices ascend, so equal ones are neighbours.
@@ -74,6 +75,15 @@ mod tests {
         assert!(kept.windows(2).all(|w| w[0] < w[1]));
         assert_eq!(thin(&[1.0, f64::NAN], 100), [0, 1]);
         assert!(thin(&vec![f64::NAN; 1000], 10).len() <= 8);
+    }
+
+    #[test]
+    fn a_gap_shorter_than_a_stretch_stays() {
+        let mut y: Vec<f64> = (0..1000).map(f64::from).collect();
+        y[150] = f64::NAN;
+        let kept = thin(&y, 20);
+        let parts = line(kept.iter().map(|&at| (at as f64, y[at]))).matches('M').count();
+        assert_eq!((kept.contains(&150), parts), (true, 2));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::Histogram;
 use crate::chart::{Axis, Look, Plot, Scale, Series, extent};
 
-/// Bins drawn at most.
+/// Max number of bins: more than the pixels of the chart do not show.
 const BINS: usize = 400;
 
 /// Counts between edges with a line at their mean and, dashed, at a limit; `None` when edges and counts do not fit
@@ -50,15 +50,14 @@ pub(super) fn histogram(
 }
 
 impl Histogram {
-    /// Counts `samples` in `bins` equal bins (at least one) from the smallest to the 99.5th percentile, so that a few
+    /// Counts `samples` in `bins` equal bins (1 to 400) from the smallest to the 99.5th percentile, so that a few
     /// falls do not squeeze the rest; what is not finite is not counted. Empty without samples.
     pub fn from_samples(samples: &[f64], bins: usize) -> Histogram {
         let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
         let Some(low) = sorted.first().copied() else { return Histogram::default() };
-        // A count of bins comes from callers. Zero would divide by zero, and more than the pixels of the chart do
-        // not show.
-        let bins = bins.clamp(1, 1000);
+        // A count of bins comes from callers. Zero would divide by zero, and more are not drawn.
+        let bins = bins.clamp(1, BINS);
         // The last bin below takes what lies beyond.
         let high = sorted[(sorted.len() - 1) * 199 / 200];
         // Samples that are all equal get an interval with an inside.

@@ -61,7 +61,7 @@ fn contacts(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64
     let tracks: Vec<Corners> =
         (0..feet.len()).map(|row| [(f64::NEG_INFINITY, f64::INFINITY), height(row)]).collect();
     // The time of about a pixel: nobody sees a shorter gap.
-    let shortest = (times.1 - times.0) / f64::from(RIGHT as u32);
+    let shortest = (times.1 - times.0) / (RIGHT - LEFT);
     let stretches: Vec<Vec<Corners>> = feet
         .iter()
         .enumerate()

@@ -106,7 +106,7 @@ fn change(before: Estimate, after: Estimate, paired: Option<f64>) -> Option<Chan
     }
     // There is no share of zero.
     if before.mean <= 0.0 {
-        return None;
+        return (apart > 0.0).then(|| Change { text: "more".into(), class: "bad" });
     }
     let share = significant(100.0 * apart.abs() / before.mean, 2);
     Some(if apart < 0.0 {
@@ -132,6 +132,8 @@ mod tests {
         assert_eq!((better.text.as_str(), better.class), ("25 % less", "good"));
         let worse = said(estimate(0.2, f64::NAN), estimate(0.3, 0.001));
         assert_eq!((worse.text.as_str(), worse.class), ("50 % more", "bad"));
-        assert!(change(estimate(0.0, 0.0), estimate(0.1, 0.01), None).is_none());
+        let fell = said(estimate(0.0, 0.0), estimate(0.1, 0.01));
+        assert_eq!((fell.text.as_str(), fell.class), ("more", "bad"));
+        assert_eq!(said(estimate(0.0, 0.0), estimate(0.0, 0.0)).class, "soft");
     }
 }

@@ -48,8 +48,9 @@ impl Pose {
 
 /// A keyframe that stands, or every joint at its reference as far as its range allows.
 pub fn start(model: &Model) -> Pose {
-    // A free joint's position (3) and quaternion (4) come first in `qpos`.
-    let first = 7;
+    // A free joint's position (3) and quaternion (4) come first in `qpos`. A fixed base has neither, and is upright as
+    // it is.
+    let first = model.nq() - model.joints.len();
     // A stance beyond the joints' own limits cannot be held; bounded to them it is another one.
     let inside = |joint: &gaitfit_model::Joint, angle: &f64| {
         (within(joint, *angle) - angle).abs() <= joint.kind.like("rad", BEYOND)
@@ -58,7 +59,7 @@ pub fn start(model: &Model) -> Pose {
         qpos.len() == model.nq()
             && model.joints.iter().zip(&qpos[first..]).all(|(joint, angle)| inside(joint, angle))
             && qpos.iter().all(|x| x.is_finite())
-            && qpos.get(3..7).is_some_and(|q| {
+            && qpos[..first].get(3..7).is_none_or(|q| {
                 let q: [f32; 4] = std::array::from_fn(|k| q[k] as f32);
                 // Upright within 26°.
                 up(quat_of(&q))[2] > 0.9
@@ -339,8 +340,26 @@ fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use gaitfit_model::{ReadOptions, read_mjcf_str};
+
+    #[test]
+    fn a_keyframe_of_a_fixed_base_has_the_angles_of_the_joints_alone() {
+        let arm = |joints: usize, qpos: &str| {
+            let bodies = "<body><joint axis=\"0 1 0\"/><geom size=\".1\"/>".repeat(joints);
+            let text = format!(
+                "<mujoco><worldbody>{bodies}{}</worldbody><keyframe><key name=\"home\" qpos=\"{qpos}\"/></keyframe>\
+                 </mujoco>",
+                "</body>".repeat(joints)
+            );
+            start(&read_mjcf_str(&text, &ReadOptions::default()).unwrap())
+        };
+        let one = arm(1, "0.4");
+        assert_eq!((one.angles, one.keyframe.as_deref()), (vec![0.4], Some("home")));
+        assert_eq!(arm(8, "1 2 3 4 5 6 7 8").angles, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
+    }
 
     #[test]
     fn legs_bend_to_the_side_to_which_they_are_drawn() {

@@ -46,7 +46,7 @@ pub struct Results {
     /// Why the robot was not there, as the programs reported it that were to find it; absent if it was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub absent_because: Option<String>,
-    /// Why the fit that the last policy was trained in must not be taken as it stands, the worst first.
+    /// Why the fit that the best policy was trained in must not be taken as it stands, the worst first.
     #[serde(default)]
     pub doubts: Vec<Doubt>,
     /// What to know before trusting the numbers, the most important first.
@@ -137,9 +137,14 @@ impl Results {
         divergence(&self.evaluations)
     }
 
-    /// States that the last policy was not trained in its round's fit, and why; `None` if it was.
+    /// The round that trained the best policy; without such a round the last one.
+    pub fn best_round(&self) -> Option<&RoundResult> {
+        self.rounds.iter().find(|round| round.after == self.after).or_else(|| self.rounds.last())
+    }
+
+    /// States that the best policy was not trained in its round's fit, and why; `None` if it was.
     pub fn fallback(&self) -> Option<String> {
-        let round = self.rounds.last()?;
+        let round = self.best_round()?;
         round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
     }
 

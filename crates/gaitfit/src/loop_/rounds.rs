@@ -82,8 +82,9 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     reference(&mut stages, &policies, &mut evaluations)?;
     let number = best(&policies, if choices.is_empty() { &evaluations } else { &choices });
     let after = &policies[number];
+    let chosen = rounds.get(number.max(1) - 1);
     // Controls get as many trainings as the chosen policy had, so they come after the choice.
-    controls::run(&mut stages, &policies, rounds.get(number.max(1) - 1), number.max(1), &mut evaluations)?;
+    controls::run(&mut stages, &policies, chosen, number.max(1), &mut evaluations)?;
     let comparisons = controls::comparisons(&after.name, &evaluations);
     let results = Results {
         name: folder.name(),
@@ -97,8 +98,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         walked: walked(&stages, &policies)?,
         next: next(stages.target.as_ref(), absent.is_some(), after),
         absent_because: absent,
-        doubts: rounds.last().map(|round| round.adapt.doubts.clone()).unwrap_or_default(),
-        warnings: warnings(&rounds, &fits, &evaluations, &comparisons),
+        doubts: chosen.map(|round| round.adapt.doubts.clone()).unwrap_or_default(),
+        warnings: warnings(&rounds, chosen, &fits, &evaluations, &comparisons),
         bought: controls::bought(&comparisons, &evaluations),
         comparisons,
         run_folder: folder.path().display().to_string(),
@@ -351,9 +352,10 @@ fn next(target: Option<&Target>, absent: bool, after: &PolicyFiles) -> Option<St
 }
 
 /// Warnings to read before trusting the numbers: what policies do on the target, then their training, the
-/// fits, and the logs. The doubts about the last fit are said elsewhere.
+/// fits, and the logs. The results themselves have the doubts about the fit of the `chosen` policy's round.
 fn warnings(
     rounds: &[RoundResult],
+    chosen: Option<&RoundResult>,
     fits: &[adapt::Setup],
     evaluations: &[Measurement],
     comparisons: &[Comparison],
@@ -387,9 +389,8 @@ fn warnings(
             .extend(said.map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text)));
         warnings.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
     }
-    let last = rounds.last().map(|round| round.round);
-    // The last round's doubts are in the results themselves.
-    for round in rounds.iter().filter(|round| Some(round.round) != last) {
+    let chosen = chosen.map(|round| round.round);
+    for round in rounds.iter().filter(|round| Some(round.round) != chosen) {
         let doubts = &round.adapt.doubts;
         let said =
             doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));

@@ -62,10 +62,17 @@ impl Walked {
             stopped => format!(", {stopped} of them stopped early"),
         };
         format!(
-            "{}: {} walks{stopped}, yaw rate off by {mean:.3} ± {ci95:.3} rad/s (gyroscope)",
-            self.policy, self.walks
+            "{}: {} walks{stopped}, yaw rate off by {mean:.3}{} rad/s (gyroscope)",
+            self.policy,
+            self.walks,
+            interval(ci95)
         )
     }
+}
+
+/// The half-width of an interval in words; one walk has none.
+fn interval(ci95: f64) -> String {
+    if ci95.is_nan() { String::new() } else { format!(" ± {ci95:.3}") }
 }
 
 /// Returns the results of all policies, a sentence each.
@@ -74,8 +81,10 @@ pub fn sentences(walked: &[Walked]) -> Vec<String> {
     if let [first, .., last] = walked {
         let Estimate { mean, ci95 } = last.minus(first);
         said.push(format!(
-            "{} minus {} under the same commands: {mean:+.3} ± {ci95:.3} rad/s",
-            last.policy, first.policy
+            "{} minus {} under the same commands: {mean:+.3}{} rad/s",
+            last.policy,
+            first.policy,
+            interval(ci95)
         ));
     }
     said
@@ -114,6 +123,8 @@ mod tests {
         assert!((walked.yaw_rate_error.mean - 0.2).abs() < 1e-9, "{walked:?}");
         let other = Walked { errors: vec![0.0, 0.2, 0.1], policy: "π₀".to_owned(), ..walked.clone() };
         assert!((walked.minus(&other).mean - 0.1).abs() < 1e-9);
+        let one = Walked { walks: 1, yaw_rate_error: of_few(&[0.2]), ..walked.clone() };
+        assert!(one.sentence().contains("off by 0.200 rad/s"), "{}", one.sentence());
         let said = sentences(&[other, walked]);
         assert!(said[2].contains("π₁ minus π₀") && said[2].contains("+0.100"), "{said:?}");
         std::fs::write(folder.path().join("x.csv"), "time,q_a,dq_a\n0,0,0\n0.02,0,0\n").unwrap();

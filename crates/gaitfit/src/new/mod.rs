@@ -9,7 +9,7 @@ use crate::robot::{self, Hold};
 use crate::settings::{self, AdaptConfig, LoopConfig, groups};
 use crate::{Error, files, init, paths, policy_file, robot_file};
 use gaitfit_log::PerJoint;
-use gaitfit_model::{Model, builtin, shown, shown_number};
+use gaitfit_model::{Model, ReadOptions, Root, builtin, read_mjcf_str, shown, shown_number};
 use gaitfit_policy::Policy;
 use logs::Logs;
 use serde::Serialize;
@@ -145,13 +145,17 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
                 file.display()
             )));
         }
-        files::write(file, builtin::GO2.as_bytes())?;
         settings.robot = Some(file.clone());
     }
     let settings = &settings;
     // Legs in the air are fitted with the base held.
     let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
     let model = match &settings.robot {
+        // Its file is not written yet.
+        Some(_) if file.is_some() => {
+            let clamped = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
+            read_mjcf_str(builtin::GO2, &clamped)?
+        }
         Some(path) => robot::read(path, settings.lenient, hold)?,
         None => robot::go2()?,
     };
@@ -174,6 +178,10 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
     let groups = groups::by_name(&crate::robot::joint_names(&model));
     let inputs = Inputs { settings, out, model, policy, logs, gains, groups };
+    // Last, so that a refusal leaves nothing behind; before the configuration, which names the file by its whole path.
+    if let Some(file) = &file {
+        files::write(file, builtin::GO2.as_bytes())?;
+    }
     // Written before it is opened: a configuration with a problem is there to be mended.
     files::write(out, inputs.text().as_bytes())?;
     let mut written = inputs.checked();

@@ -82,6 +82,9 @@ fn gains_of_the_robot_file_are_numbers_and_a_kd_of_0_is_doubted() {
 fn the_built_in_robot_has_a_name() {
     let folder = tempfile::tempdir().unwrap();
     let settings = NewSettings { robot: Some("unitree-go2".into()), ..air(folder.path()) };
+    let walked = NewSettings { logs: walks()[..1].to_vec(), ..settings.clone() };
+    assert!(refused(&walked).contains("the logs have commands"));
+    assert!(!folder.path().join("go2.xml").exists());
     let written = write(&settings).unwrap();
     assert_eq!(written.problem, None);
     let config: AdaptConfig = load(settings.out.as_deref(), &[]).unwrap();

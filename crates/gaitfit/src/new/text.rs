@@ -99,7 +99,7 @@ impl Inputs<'_> {
         for parameter in IN_THE_AIR {
             // Where hinges and slides have other units, each gets rules of its own.
             let of_each = parameter.2.1.is_some_and(|unit| JointKind::Slide.unit(unit) != unit);
-            for &kind in if of_each { &kinds[..] } else { &kinds[..1] } {
+            for &kind in kinds.iter().take(if of_each { kinds.len() } else { 1 }) {
                 self.parameter(text, parameter, kind, of_each && kinds.len() > 1);
             }
         }

@@ -112,7 +112,8 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
 /// Cells of a scenario share logs and references: what these depend on must be the same.
 fn check_shared(first: &Experiment, later: &Experiment) -> Result<(), Error> {
     let (a, b) = (&first.config, &later.config);
-    // Not `[adapt]`: the fits are what the cells differ in.
+    let (fit, other) = (&a.adapt.simulation, &b.adapt.simulation);
+    // Not the rest of `[adapt]`: the fits are what the cells differ in.
     let differs = [
         ("policy", a.policy != b.policy),
         ("robot", a.robot != b.robot || a.lenient != b.lenient),
@@ -121,6 +122,9 @@ fn check_shared(first: &Experiment, later: &Experiment) -> Result<(), Error> {
         ("[finetune]", a.finetune != b.finetune),
         ("[controls]", a.controls != b.controls),
         ("[evaluate]", a.evaluate != b.evaluate),
+        // Trainings read these, too.
+        ("adapt.simulation.robot_timestep", fit.robot_timestep != other.robot_timestep),
+        ("adapt.simulation.self_contact", fit.self_contact != other.self_contact),
     ];
     match differs.iter().find(|(_, differs)| *differs) {
         None => Ok(()),
@@ -145,8 +149,14 @@ impl Experiment {
         // A fit takes consecutive seeds, at most this many: those of the next repetition begin behind them.
         optimizer.seed =
             optimizer.seed.saturating_add(offset.saturating_mul(optimizer.seed_count(true) as u64));
-        for training in &mut config.finetune.seeds {
-            *training = training.saturating_add(offset);
+        let trainings = &mut config.finetune.seeds;
+        // Seeds need not be consecutive, so the next repetition begins behind the largest one.
+        let span = match (trainings.iter().min(), trainings.iter().max()) {
+            (Some(&min), Some(&max)) => (max - min).saturating_add(1),
+            _ => 0,
+        };
+        for training in trainings {
+            *training = training.saturating_add(offset.saturating_mul(span));
         }
         config
     }
@@ -165,9 +175,12 @@ pub fn shared(experiments: &[Experiment], scenario: &str, seed: u64) -> Option<L
             }
         }
     }
-    // Nothing else of the fits: they differ from cell to cell, and the shared folder belongs to one set of
-    // settings.
-    config.adapt = settings::AdaptConfig { costs, ..settings::AdaptConfig::default() };
+    // Nothing else of the fits than what trainings read: they differ from cell to cell, and the shared folder belongs to
+    // one set of settings.
+    let mut adapt = settings::AdaptConfig { costs, ..settings::AdaptConfig::default() };
+    adapt.simulation.robot_timestep = config.adapt.simulation.robot_timestep;
+    adapt.simulation.self_contact = config.adapt.simulation.self_contact.take();
+    config.adapt = adapt;
     Some(config)
 }
 
@@ -309,5 +322,26 @@ mod tests {
         assert!(
             shared(&experiments, "spring", 1).unwrap().adapt.costs.iter().any(|cost| cost.is_privileged())
         );
+    }
+
+    #[test]
+    fn trainings_of_a_scenario_have_seeds_of_their_own_and_the_simulation_of_the_cells() {
+        let paper = Paper::read().unwrap();
+        let table = paper.table("spring").unwrap();
+        let sets = [
+            "finetune.seeds=[1, 4]",
+            "adapt.simulation.robot_timestep=0.002",
+            "adapt.simulation.self_contact=[['*_foot', '*_foot']]",
+        ];
+        let sets = sets.map(ToOwned::to_owned);
+        let mut experiments = read(&paper, table, &folder(), false, &sets, None).unwrap();
+        assert_eq!(experiments[0].seeded(2).finetune.seeds, [5, 8]);
+        let simulation = shared(&experiments, "spring", 1).unwrap().adapt.simulation;
+        assert_eq!(simulation.robot_timestep, Some(0.002));
+        assert_eq!(simulation.self_contact, experiments[0].config.adapt.simulation.self_contact);
+        assert!(simulation.self_contact.is_some());
+        experiments[1].config.adapt.simulation.robot_timestep = None;
+        let refused = check_shared(&experiments[0], &experiments[1]).unwrap_err().to_string();
+        assert!(refused.contains("adapt.simulation.robot_timestep"), "{refused}");
     }
 }

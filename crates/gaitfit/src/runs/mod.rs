@@ -237,11 +237,12 @@ fn fitted(results: &Value, run: &mut Run) {
         .into_iter()
         .flatten()
         .filter_map(|one| {
-            let ends = &one["interval"];
+            // JSON has no numbers that are not finite; they are null.
+            let end = |at: usize| one["interval"][at].as_f64();
             Some(Fitted {
                 name: text(&one["name"])?,
                 value: one["value"].as_f64()?,
-                interval: Some([ends[0].as_f64()?, ends[1].as_f64()?]).filter(|_| ends.is_array()),
+                interval: end(0).zip(end(1)).map(|(low, high)| [low, high]),
                 unit: text(&one["unit"]).unwrap_or_default(),
             })
         })
@@ -347,6 +348,18 @@ mod tests {
         assert!(!runs[3].done && runs[3].summary.contains("interrupted"), "{:?}", runs[3]);
         let one = list(&folder.path().join("b")).unwrap();
         assert_eq!(one, [runs[1].clone()]);
+    }
+
+    #[test]
+    fn parameters_without_an_interval_are_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let parameter =
+            |interval: Value| json!({ "name": "delay", "value": 0.01, "unit": "s", "interval": interval });
+        let parameters = [json!(null), json!([null, 0.1]), json!([0.009, 0.011])].map(parameter);
+        run(folder.path(), "a", "a", "fit", Some(json!({ "cost_name": "matcho", "parameters": parameters })));
+        let runs = list(folder.path()).unwrap();
+        let intervals: Vec<_> = runs[0].parameters.iter().map(|one| one.interval).collect();
+        assert_eq!(intervals, [None, None, Some([0.009, 0.011])]);
     }
 
     #[test]

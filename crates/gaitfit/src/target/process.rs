@@ -112,7 +112,8 @@ impl Program<'_> {
         while ended.elapsed() < GRACE && said.listen(LOOK) {}
         // While it ends, its pipes are read: a program that cannot print does not end.
         group.end(PATIENCE, || said.take());
-        while said.listen(Duration::ZERO) && ended.elapsed() < GRACE + PATIENCE {}
+        // A process outside the group may hold a pipe open: each look waits, so that the loop does not spin.
+        while said.listen(LOOK) && ended.elapsed() < GRACE + PATIENCE {}
         // Again: the last pieces came after the loop that waits.
         if said.out.len() > MAX_BYTES {
             return Err(ProcessError::TooMuch);

@@ -14,6 +14,7 @@ use gaitfit::adapt::{self, AdaptResults, Opening};
 use gaitfit::loop_::fit_alone;
 use gaitfit::run::RunFolder;
 use gaitfit::settings::AdaptConfig;
+use gaitfit_model::argument;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
@@ -51,15 +52,19 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
 /// The next commands after a fit of `config`. A fit with a time limit that has not converged is resumed first, with the same
 /// name and settings.
 fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<String> {
-    let theta = format!("{}/theta.toml", results.run_folder);
+    let theta = argument(&Path::new(&results.run_folder).join("theta.toml"));
     if !results.converged && config.optimizer.max_seconds > 0.0 {
-        let name = args.run.name.as_ref().map_or(String::new(), |name| format!(" --name {name}"));
+        let name = args
+            .run
+            .name
+            .as_ref()
+            .map_or(String::new(), |name| format!(" --name {}", argument(Path::new(name))));
         let limited = |set: &&String| set.contains("optimizer.max_seconds");
-        let sets: String =
-            args.run.set.iter().filter(|set| !limited(set)).map(|set| format!(" --set '{set}'")).collect();
+        let sets = args.run.set.iter().filter(|set| !limited(set));
+        let sets: String = sets.map(|set| format!(" --set {}", argument(Path::new(set)))).collect();
         // Three times the limit that was too short. The old limit is taken out of `--set`, because the command has
         // a new one.
-        let (path, seconds) = (args.config.display(), 3.0 * config.optimizer.max_seconds);
+        let (path, seconds) = (argument(&args.config), 3.0 * config.optimizer.max_seconds);
         return vec![format!(
             "gaitfit fit {path}{name}{sets} --resume --set optimizer.max_seconds={seconds}"
         )];
@@ -69,7 +74,7 @@ fn next(results: &AdaptResults, args: &cli::Fit, config: &AdaptConfig) -> Vec<St
         let robot = robot_option(Path::new(policy), &config.robot);
         // Policies that cannot be trained are measured in the fitted simulator.
         let command = if is_trainable(Path::new(policy)) { "finetune" } else { "evaluate" };
-        format!("gaitfit {command} {policy} --theta {theta}{robot}")
+        format!("gaitfit {command} {} --theta {theta}{robot}", argument(Path::new(policy)))
     });
     // In the order of work: other logs show whether the fit holds, before anything is trained with it.
     let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
@@ -92,7 +97,11 @@ pub fn robot_option(policy: &Path, robot: &str) -> String {
         let policy = path.and_then(|path| gaitfit_policy_files::read(&path).ok());
         policy.is_some_and(|policy| policy.provenance.robot_file.is_some())
     };
-    if robot.is_empty() || remembers() { String::new() } else { format!(" --robot {robot}") }
+    if robot.is_empty() || remembers() {
+        String::new()
+    } else {
+        format!(" --robot {}", argument(Path::new(robot)))
+    }
 }
 
 /// Ends with the exit code of a failed check, if one failed.
@@ -100,5 +109,17 @@ pub fn checked(failed: Option<String>) -> Result<(), Failure> {
     match failed {
         None => Ok(()),
         Some(message) => Err(Failure { exit: Exit::Check, message }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_with_spaces_are_one_argument() {
+        let policy = Path::new("no such policy.safetensors");
+        assert_eq!(robot_option(policy, "my robot.xml"), " --robot 'my robot.xml'");
+        assert_eq!(robot_option(policy, ""), "");
     }
 }

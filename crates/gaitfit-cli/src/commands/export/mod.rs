@@ -7,6 +7,7 @@ mod theta;
 use crate::cli::Export;
 use crate::exit::Failure;
 use gaitfit::files;
+use gaitfit_model::argument;
 use std::path::Path;
 
 /// Largest .toml file that is looked into, bytes.
@@ -102,7 +103,7 @@ fn needed<'a>(args: &'a Export, example: &str) -> Result<&'a Path, Failure> {
         Failure::usage(format!(
             "{}: name the output, for example: gaitfit export {} --out {example}",
             args.file.display(),
-            args.file.display()
+            argument(&args.file)
         ))
     })
 }

@@ -12,11 +12,12 @@ use gaitfit::init::{Look, Prepared, other_guesses};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::world::WorldSettings;
 use gaitfit::{EvaluateSettings, train};
+use gaitfit_model::argument;
 use gaitfit_physics::Preset;
 use serde::Serialize;
 use std::cmp::Ordering;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// One training.
@@ -227,7 +228,8 @@ fn gains(look: &Look) -> String {
 }
 
 /// The message if no policy walks, with what to do. `written`: the configuration's file.
-pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> String {
+pub(super) fn remedy(args: &Init, trainings: &[Training], configuration: &Path) -> String {
+    let written = configuration.display();
     let Some(best) = nearest(trainings).filter(|_| was_continued(trainings)) else {
         return format!(
             "no guess learned to walk in its training; {written} has the first one. Look at the stance in the page. Then \
@@ -236,12 +238,15 @@ pub(super) fn remedy(args: &Init, trainings: &[Training], written: &str) -> Stri
     };
     // A run that resumes needs a number above the one it has reached.
     let iterations = format!("train.iterations={}", best.iterations.saturating_mul(2));
-    let sets: Vec<String> = args.set.iter().map(|set| format!("'{set}'")).chain([iterations]).collect();
+    let sets = args.set.iter().chain([&iterations]).map(|set| argument(Path::new(set)));
+    let sets: Vec<String> = sets.collect();
     let sets = sets.join(" --set ");
     format!(
         "no policy learned to walk; {written} has guess {}, the nearest to walking. Look at the stance in the page. To go \
-         on with it: gaitfit train {written} --name {} --resume --set {sets}",
-        best.guess, best.name,
+         on with it: gaitfit train {} --name {} --resume --set {sets}",
+        best.guess,
+        argument(configuration),
+        argument(Path::new(&best.name)),
     )
 }
 

@@ -49,7 +49,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             robot::run(args)
         }
         Some("csv") => {
-            if args.lenient && args.robot.is_none() {
+            // A policy may remember a robot file.
+            if args.lenient && args.robot.is_none() && args.policy.is_none() {
                 return Err(Failure::usage("--lenient is for robot files"));
             }
             log::run(args)

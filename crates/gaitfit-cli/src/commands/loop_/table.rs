@@ -77,8 +77,10 @@ pub fn text(results: &Results) -> String {
         let _ = writeln!(text, "next: {next}");
     }
     let _ = writeln!(text, "policy: {}   {}", results.policy, results.onnx);
-    if let Some(round) = results.rounds.last() {
-        let _ = writeln!(text, "theta: {}", round.theta);
+    if let Some(round) = results.best_round() {
+        // Of several rounds an earlier one may have trained the best policy.
+        let number = if rounds > 1 { format!(" (round {})", round.round) } else { String::new() };
+        let _ = writeln!(text, "theta{number}: {}", round.theta);
     }
     let _ = writeln!(text, "report: {}/report.html", results.run_folder);
     text
@@ -150,10 +152,16 @@ fn tracking(results: &Results) -> comfy_table::Table {
 }
 
 fn shown(estimate: Estimate, digits: usize) -> String {
-    if estimate.mean.is_nan() {
-        "–".to_owned()
-    } else {
-        format!("{:.digits$} ± {:.digits$}", estimate.mean, estimate.ci95)
+    with_interval(format!("{:.digits$}", estimate.mean), estimate, digits)
+}
+
+/// `mean`, the estimate's mean in words, and the interval.
+fn with_interval(mean: String, estimate: Estimate, digits: usize) -> String {
+    match estimate {
+        Estimate { mean, .. } if mean.is_nan() => "–".to_owned(),
+        // One trajectory has a mean and no interval.
+        Estimate { ci95, .. } if ci95.is_nan() => mean,
+        Estimate { ci95, .. } => format!("{mean} ± {ci95:.digits$}"),
     }
 }
 
@@ -176,8 +184,7 @@ fn comparisons(results: &Results) -> comfy_table::Table {
 }
 
 fn difference(estimate: Estimate, digits: usize) -> String {
-    let Estimate { mean, ci95 } = estimate;
-    if mean.is_nan() { "–".to_owned() } else { format!("{mean:+.digits$} ± {ci95:.digits$}") }
+    with_interval(format!("{:+.digits$}", estimate.mean), estimate, digits)
 }
 
 /// On the target, or else in the last adapted simulator: a row a command, a column a policy.
@@ -228,4 +235,22 @@ fn mean_drift(evaluation: &Evaluation) -> (f64, f64) {
     };
     // The size of the turn: turns to the left and to the right would cancel.
     (mean(DriftResult::distance), mean(|trial| trial.yaw.mean.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_trajectory_has_no_interval() {
+        let one = Estimate { mean: 0.25, ci95: f64::NAN };
+        assert_eq!((shown(one, 2), difference(one, 2)), ("0.25".to_owned(), "+0.25".to_owned()));
+        let several = Estimate { mean: -0.5, ci95: 0.125 };
+        assert_eq!(
+            (shown(several, 3), difference(several, 1)),
+            ("-0.500 ± 0.125".to_owned(), "-0.5 ± 0.1".to_owned())
+        );
+        let none = Estimate { mean: f64::NAN, ci95: f64::NAN };
+        assert_eq!((shown(none, 3), difference(none, 3)), ("–".to_owned(), "–".to_owned()));
+    }
 }

@@ -87,7 +87,9 @@ fn fit(args: &Preflight, robot: &Robot, document: &Document, has_log: bool) -> S
         if model.is_empty() {
             text.push_str("# Name the robot's description (MJCF or URDF) in `robot`.\n");
         }
-        let _ = writeln!(text, "robot = {model:?}\nlogs = [{MOTION:?}]\n");
+        // Escapes of Rust are not all TOML's.
+        let model = toml::Value::from(model);
+        let _ = writeln!(text, "robot = {model}\nlogs = [{MOTION:?}]\n");
         parameters(&mut text, robot);
         let _ = writeln!(
             text,

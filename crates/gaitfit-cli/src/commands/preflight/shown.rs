@@ -3,7 +3,7 @@
 use super::Document;
 use crate::cli::Preflight;
 use crate::table::table;
-use gaitfit_model::{significant, with_decimals};
+use gaitfit_model::{argument, significant, with_decimals};
 use gaitfit_robot::preflight::{JointMotion, JointReport, Measured, Moved};
 use std::fmt::Write;
 
@@ -61,7 +61,7 @@ pub fn text(args: &Preflight, document: &Document) -> String {
     }
     let _ = writeln!(text, "\n{}: {}", args.out.display(), document.written.join(", "));
     if document.moved.is_some() && document.passed {
-        let _ = writeln!(text, "next: gaitfit fit {}/preflight.toml", args.out.display());
+        let _ = writeln!(text, "next: gaitfit fit {}", argument(&args.out.join("preflight.toml")));
     } else if document.passed {
         text.push_str("The joints were not moved; --move does that.\n");
     }

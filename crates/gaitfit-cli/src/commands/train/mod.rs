@@ -10,6 +10,8 @@ use crate::watcher::watched;
 use crate::{interrupt, output, viewer};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train::{self, Results};
+use gaitfit_model::argument;
+use std::path::Path;
 
 /// Plain lines of progress over a training.
 pub const LINES: Lines = Lines::Parts(10);
@@ -42,7 +44,8 @@ pub fn print(results: &Results, run: &cli::RunArgs) -> Result<(), Failure> {
         output::print(&table::text(results))?;
         // If all updates taught the critic alone, the policy is still the one that the training began with.
         if let Some(seed) = results.seeds.first().filter(|_| results.trained) {
-            output::next(&[format!("gaitfit evaluate {} --report evaluation.html", seed.policy)])?;
+            let policy = argument(Path::new(&seed.policy));
+            output::next(&[format!("gaitfit evaluate {policy} --report evaluation.html")])?;
         }
     }
     viewer::report(run.open, &results.run_folder);
