@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use gaitfit_policy::Quantity;
 use gaitfit_policy::network::{Activation, SELU};
 use gaitfit_policy::observation::Layout;
 
@@ -76,8 +75,8 @@ pub(crate) fn function(activation: Activation) -> (&'static str, f32, f32) {
 
 /// Words for a policy with this layout, for a message, if the kernels do not write one of its observations.
 pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
-    let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
-    let quantity = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
+    let quantity =
+        layout.slots().iter().map(|slot| slot.quantity).find(|quantity| quantity.is_of_reference())?;
     Some(format!("a policy that observes {}", quantity.name()))
 }
 

@@ -23,7 +23,7 @@ use gaitfit_policy::{FrameOrder, Policy};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Sensors, Start};
 use host::{bytes, call, execute, floats, keep, take};
 
-fn go2() -> Model {
+pub fn go2() -> Model {
     gaitfit_model::read(asset("go2.xml").as_ref(), &Default::default()).unwrap()
 }
 

@@ -4,14 +4,16 @@
 use gaitfit_cuda::fit::Tables;
 use gaitfit_cuda::networks::ActorPlan;
 use gaitfit_cuda::ppo::Limits;
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Track, follow};
 use gaitfit_policy::network::{
     Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentShape, Scratch, Shape,
 };
-use gaitfit_policy::{Encoder, Front, Latent, Policy};
+use gaitfit_policy::{Encoder, Front, Latent, Policy, Quantity, Term};
 
 use crate::candidates::apart;
-use crate::fit_host::{compare, compare_from, friction, scripts, walking};
+use crate::fit_host::{compare, compare_from, friction, go2, scripts, walking};
 use crate::host::{bytes, call, execute, floats, keep};
 
 /// The policy with recurrent layers and a new actor behind them.
@@ -123,6 +125,42 @@ fn cxx_actions_of_an_evaluation_are_the_cpus() {
     let narrow = Limits { processors: 2, shared_memory: 2_000 };
     let error = ActorPlan::new(&plain, ROBOTS, STEPS, narrow).unwrap_err().to_string();
     assert!(error.contains("bytes of a multiprocessor's memory"), "{error}");
+}
+
+/// A policy that also observes `terms`, through random weights of its first layer.
+fn observing(policy: &Policy, terms: Vec<Term>) -> Policy {
+    let mut policy = policy.clone();
+    policy.interface.observation.extend(terms);
+    policy.interface.check().unwrap();
+    let (old, outputs) = (policy.actor.shape.inputs, policy.actor.shape.layers()[0].outputs);
+    policy.actor.shape.inputs = policy.interface.observation_width();
+    let noise = gaitfit_random::Stream::new(9, gaitfit_random::Purpose::BOOTSTRAP);
+    let further = (policy.actor.shape.inputs - old) * outputs;
+    let further = (0..further).map(|k| 0.1 * noise.normal(k as u32) as f32);
+    let (first, rest) = policy.actor.parameters.split_at(old * outputs);
+    let weights: Vec<f32> = first.iter().copied().chain(further).chain(rest.iter().copied()).collect();
+    policy.actor.parameters.resize(weights.len(), 0.0);
+    policy.actor.parameters.copy_from_slice(&weights);
+    policy.normaliser = None;
+    policy
+}
+
+/// The policy of a task with `interface`, calm.
+fn task_of(policy: &Policy) -> Task {
+    let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.03).unwrap()
+}
+
+/// The action before the last stays with each robot, and a log's earlier samples count.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
+    let (_, plain) = walking(None, |_| ());
+    let policy = observing(&plain, vec![Term::new(Quantity::EarlierAction).scaled(&[0.5])]);
+    let walking = (task_of(&policy), policy);
+    let job = |amount, seed| Job { candidate: friction(amount), reset_every: None, seed };
+    compare("earlier action", &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19], [8, 4]);
+    compare_from("earlier action in logs", &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
 }
 
 #[test]

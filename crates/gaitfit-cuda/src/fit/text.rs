@@ -8,6 +8,7 @@ use super::scene::{Scene, Subject};
 use crate::networks::{Blocks, Networks};
 use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
+use crate::walker::kept;
 use crate::words::{Words, double, single};
 
 /// The program of a scene, `rows` robots of a block together, `group` of a thread. `logs`: whether robots that walk make
@@ -112,7 +113,8 @@ fn walk(words: &mut Words, walker: &Walker) {
     let interface = &walker.interface;
     words.walker(walker);
     words.define("OBSERVATION", interface.observation_width());
-    words.define("HAS_PAST", u32::from(walker.sees_past()));
+    // The critic's past frames are not looked at in walks.
+    words.define("HAS_PAST", u32::from(kept(&walker.observation) > 0));
     let mut parts = Vec::new();
     for (number, Term { quantity, .. }) in interface.observation.iter().enumerate() {
         let width = quantity.width(interface.joints.len());

@@ -134,7 +134,7 @@ fn state(read: &dyn Fn(&str) -> Vec<u8>) -> Packed {
 }
 
 /// With `again` the state is also taken to the CPU amid the steps, and back to the kernels, which go on from there.
-fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
+pub fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     let candidates = std::slice::from_ref(candidate);
     let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let sizes = Sizes {

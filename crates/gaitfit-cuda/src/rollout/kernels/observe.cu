@@ -2,7 +2,7 @@
 
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row, in all frames; `from` is a
 // multiple of 4. `scales`: those of the row. `noise`: draws of this environment and step, or none. `past`: the row of the
-// step before, whose frames move up, or none at an episode's start; it may be `out`. `memory` and `imu`: errors of this
+// step before, whose frames move up, or none at an episode's start; it may be `out` unless an earlier action is observed. `memory` and `imu`: errors of this
 // robot's sensors, or none; `command` and `last_action`: this robot's; all have their numbers `apart` from each other.
 DEVICE void write_term(
     int number, int from, int until, const float* scales, const Draws* noise, const float* past, const float* state, const float* params,
@@ -57,6 +57,10 @@ DEVICE void write_term(
                 case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;
                 case JOINT_VELOCITY: value = read_velocity(state, memory, e, JOINT_OF[k]); break;
                 case LAST_ACTION: value = last_action[k * apart]; break;
+#if HAS_EARLIER
+                // The row before has it as its last action, scaled.
+                case EARLIER_ACTION: value = past ? past[EXTRA[number] + k] / scales[EXTRA[number] + k] : 0.0f; break;
+#endif
                 default: value = i < 3 ? vector[i] : 0.0f;
             }
             if (noise && term.half_range > 0.0f)

@@ -30,15 +30,13 @@ DEVICE void write_last_row(
 }
 #endif
 
-// The row of environment `e` of step `step`: a block column for each term of the actor, then of the critic. `fresh`: whether
-// each episode begins.
-DEVICE void observe_environment(
-    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
-    const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
-    float* critic_observation, u32 e
+// Term `number` of the row of environment `e` of step `step`; its frames are kept for the next row. `fresh`: whether each episode begins.
+DEVICE void observe_term(
+    int number, u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps,
+    const u32* fresh, const float* imu, const float* command, const float* last_action, float* past, float* critic_past,
+    float* observation, float* critic_observation, u32 e
 ) {
     u64 sample = (u64)step * ENVIRONMENTS + e;
-    int number = (int)blockIdx.y;
     bool actor = number < ACTOR_ROW.terms;
     Row row = actor ? ACTOR_ROW : CRITIC_ROW;
     Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
@@ -54,6 +52,30 @@ DEVICE void observe_environment(
             int place = term.oldest + frame * term.apart + k;
             kept[place] = out[place];
         }
+}
+
+// The row of environment `e` of step `step`: a block column for each term of the actor, then of the critic.
+DEVICE void observe_environment(
+    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
+    const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
+    float* critic_observation, u32 e
+) {
+    int number = (int)blockIdx.y;
+#if HAS_EARLIER
+    // Earlier actions are read from where the last action is kept: the thread of the last action writes them before it.
+    if (TERMS[number].quantity == EARLIER_ACTION) return;
+    if (TERMS[number].quantity == LAST_ACTION) {
+        Row row = number < ACTOR_ROW.terms ? ACTOR_ROW : CRITIC_ROW;
+        for (int other = row.first; other < row.first + row.terms; other++)
+            if (TERMS[other].quantity == EARLIER_ACTION)
+                observe_term(
+                    other, step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past,
+                    observation, critic_observation, e);
+    }
+#endif
+    observe_term(
+        number, step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past, observation,
+        critic_observation, e);
 }
 
 // The rows of step `step` of the samples.
