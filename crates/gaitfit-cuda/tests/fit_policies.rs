@@ -11,10 +11,12 @@ use gaitfit_policy::network::{
     Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentShape, Scratch, Shape,
 };
 use gaitfit_policy::{Encoder, Front, Latent, Policy, Quantity, Term};
+use gaitfit_sim::Sensors;
 
 use crate::candidates::apart;
 use crate::fit_host::{compare, compare_from, friction, go2, scripts, walking};
 use crate::host::{bytes, call, execute, floats, keep};
+use crate::motions::{reference, terms};
 
 /// The policy with recurrent layers and a new actor behind them.
 fn remembering(policy: &Policy, cell: Cell, hidden: Vec<usize>) -> Policy {
@@ -161,6 +163,30 @@ fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
     let job = |amount, seed| Job { candidate: friction(amount), reset_every: None, seed };
     compare("earlier action", &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19], [8, 4]);
     compare_from("earlier action in logs", &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
+}
+
+/// Policies that follow a motion: each recording has its places in it, also before it begins, and robots that are reset have the
+/// motion where the log has it.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_along_a_motion_are_the_cpus() {
+    let (_, plain) = walking(None, |_| ());
+    for (rate_hz, samples) in [(50.0, 12), (37.0, 9)] {
+        let mut policy = plain.clone();
+        policy.interface.reference = Some(reference(&policy.interface, rate_hz, samples));
+        let policy = observing(&policy, terms());
+        let walking = (task_of(&policy), policy);
+        let job = |amount: f64, reset_every, seed| {
+            let mut candidate = friction(amount);
+            candidate.robot.encoder_bias = vec![0.02; 12];
+            (candidate.robot.velocity_lag, candidate.robot.imu_delay) = (0.004, 0.007);
+            candidate.sensors = Sensors { imu_tilt: [0.3 * amount, -0.05], gyro_bias: [0.1, amount, -0.07] };
+            Job { candidate, reset_every, seed }
+        };
+        let jobs = [job(0.1, None, 3), job(0.3, Some(5), 1)];
+        compare("motion", &walking, &jobs, &[24, 19, 17], [8, 4]);
+        compare_from("motion in logs", &walking, &jobs[..1], &[14, 9], [4, 4], Some(&[0, 7]));
+    }
 }
 
 #[test]

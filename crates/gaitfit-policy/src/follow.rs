@@ -259,8 +259,9 @@ impl Script {
             .map_or(&self.start, |other| &self.others[other])
     }
 
-    /// The robot's place in the motion at `sample`. `back`: whether the robot was turned back at its start.
-    fn place(&self, sample: usize, back: bool) -> MotionPlace {
+    /// The robot's place in the motion at `sample`; at the last one behind it. `back`: whether the robot was turned back at its
+    /// start, and the motion with it ([`Script::turned_back`]).
+    pub fn place(&self, sample: usize, back: bool) -> MotionPlace {
         let last = self.motion.len().saturating_sub(1);
         let place = self.motion.get(sample.min(last)).copied().unwrap_or_default();
         let heading = if back { place.heading - self.turned_back } else { place.heading };

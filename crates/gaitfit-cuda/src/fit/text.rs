@@ -6,6 +6,7 @@ use gaitfit_policy::walker::Walker;
 
 use super::scene::{Scene, Subject};
 use crate::networks::{Blocks, Networks};
+use crate::reference::ReferenceTables;
 use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
 use crate::walker::kept;
@@ -19,9 +20,11 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     let mut words = Words { text };
     let heights = scene.subject.walker().map_or_else(Vec::new, |walker| words.ground(walker));
     sizes(&mut words, scene);
+    let mut motion = ReferenceTables::default();
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
             walk(&mut words, walker);
+            motion = words.reference(walker, &walker.observation, None);
             Networks::new(policy).write(&mut words, policy, Blocks { rows, group });
             words.define("MAKES_LOGS", u32::from(logs));
             &[
@@ -29,6 +32,8 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
                 include_str!("../rollout/kernels/ground.cu"),
                 include_str!("../rollout/kernels/robot.cu"),
                 include_str!("../rollout/kernels/sensors.cu"),
+                include_str!("../rollout/kernels/turns.cu"),
+                include_str!("../rollout/kernels/reference.cu"),
                 include_str!("../rollout/kernels/observe.cu"),
                 include_str!("../rollout/kernels/targets.cu"),
                 include_str!("../rollout/kernels/falls.cu"),
@@ -67,7 +72,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     for part in parts {
         words.text.push_str(part);
     }
-    let program = Program::new("fit", words.text).option("-fmad=false");
+    let program = motion.fill(Program::new("fit", words.text).option("-fmad=false"));
     if heights.is_empty() { program } else { program.table(GROUND_HEIGHTS, heights) }
 }
 

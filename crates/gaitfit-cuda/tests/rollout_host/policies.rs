@@ -1,11 +1,12 @@
 //! Steps of policies that observe more than their sensors and their last action.
 
 use super::along::{compare, go2, lively};
-use super::stepwise;
+use super::{logs, stepwise, trials};
+use crate::motions::{reference, terms};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
-use gaitfit_policy::{FrameOrder, History, HistoryStart, Quantity, Term};
-use gaitfit_sim::Candidate;
+use gaitfit_policy::{FrameOrder, History, HistoryStart, Interface, Quantity, Reference, Term};
+use gaitfit_sim::{Candidate, Sensors};
 
 /// Actor and critic observe the action before the last: the actor behind the last one, the critic before it.
 fn with_earlier_actions(frames: usize, order: FrameOrder) -> TaskSettings {
@@ -43,4 +44,71 @@ fn cxx_steps_with_the_action_before_the_last_are_the_cpus() {
 fn cxx_steps_under_given_actions_with_the_action_before_the_last_are_the_cpus() {
     let task = Task::new(&go2(), &with_earlier_actions(1, FrameOrder::Terms), Preset::Fast).unwrap();
     stepwise::compare("earlier actions", &task, &Candidate::nominal(&go2()), true);
+}
+
+/// The lively task for a policy that follows a motion, and what else `change` gives it.
+fn following(rate_hz: f64, samples: usize, change: fn(&mut Interface)) -> Task {
+    let mut settings = lively("velocity");
+    settings.fall.tilt = 16.0;
+    settings.start.tilt = 8.0;
+    settings.noise.set(Quantity::ReferenceOrientation, 0.05);
+    let mut interface = Task::new(&go2(), &settings, Preset::Fast).unwrap().walker.interface;
+    interface.reference = Some(reference(&interface, rate_hz, samples));
+    interface.observation.splice(1..1, terms());
+    interface.critic_observation.extend(terms());
+    change(&mut interface);
+    Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.03).unwrap()
+}
+
+/// A robot whose sensors err.
+fn sensing() -> Candidate {
+    let mut candidate = Candidate::nominal(&go2());
+    candidate.robot.encoder_bias = (0..12).map(|j| 0.01 * f64::from(j) - 0.05).collect();
+    candidate.robot.imu_delay = 0.007;
+    candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
+    candidate
+}
+
+/// Motions that end within an episode, at the policy's rate and at another one; with past frames; of one sample; without
+/// orientations; observed by the critic alone.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_along_a_motion_are_the_cpus() {
+    compare("a motion", &following(50.0, 10, |_| ()), &sensing());
+    let with_frames = following(37.0, 9, |interface| {
+        interface.history = History { order: FrameOrder::NewestFirst, start: HistoryStart::Zeros };
+        interface.observation.iter_mut().for_each(|term| term.history = 2);
+    });
+    compare("a motion with past frames", &with_frames, &Candidate::nominal(&go2()));
+    let still = following(20.0, 1, |interface| {
+        let joints = |term: &Term| term.quantity != Quantity::ReferenceOrientation;
+        interface.observation.retain(joints);
+        interface.critic_observation.retain(joints);
+        let reference = interface.reference.take();
+        let without = |reference: Reference| Reference { orientation: Vec::new(), ..reference };
+        interface.reference = reference.map(without);
+    });
+    compare("a motion of one sample", &still, &Candidate::nominal(&go2()));
+    let of_critic = following(50.0, 10, |interface| {
+        interface.observation.retain(|term| !term.quantity.is_of_reference());
+    });
+    compare("a critic's motion", &of_critic, &Candidate::nominal(&go2()));
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_under_given_actions_along_a_motion_are_the_cpus() {
+    stepwise::compare("a motion", &following(50.0, 10, |_| ()), &sensing(), true);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_trajectories_along_a_motion_are_the_cpus() {
+    trials::compare(&following(50.0, 21, |_| ()));
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_logs_along_a_motion_are_the_cpus() {
+    logs::compare(&following(37.0, 15, |_| ()), &sensing());
 }
