@@ -1,9 +1,10 @@
 //! Networks of policies in the kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow`.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_cuda::fit::Tables;
+use gaitfit_cuda::fit::{Plan, Scene, Sizes, Subject, Tables};
 use gaitfit_cuda::networks::ActorPlan;
 use gaitfit_cuda::ppo::Limits;
+use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Track, follow};
@@ -186,6 +187,28 @@ fn cxx_walks_along_a_motion_are_the_cpus() {
         let jobs = [job(0.1, None, 3), job(0.3, Some(5), 1)];
         compare("motion", &walking, &jobs, &[24, 19, 17], [8, 4]);
         compare_from("motion in logs", &walking, &jobs[..1], &[14, 9], [4, 4], Some(&[0, 7]));
+    }
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_fits_of_other_policies() {
+    let (_, plain) = walking(None, |_| ());
+    let mut policy = plain.clone();
+    policy.interface.reference = Some(reference(&policy.interface, 50.0, 100));
+    let observed = [terms(), vec![Term::new(Quantity::EarlierAction)]].concat();
+    let policy = observing(&policy, observed);
+    let task = task_of(&policy);
+    let subject = Subject::Walk(&task.walker, &policy);
+    let period = subject.period(&friction(0.1)).unwrap();
+    let scripts = scripts(&task, &policy, &[10]);
+    let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
+    for tables in [tables.clone(), tables.for_logs(3)] {
+        let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows: 8, group: 4 };
+        let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);
+        let program = plan.program.option("--ptxas-options=-v");
+        let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+        println!("{}", compiled.image.log);
     }
 }
 

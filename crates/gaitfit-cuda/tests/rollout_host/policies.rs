@@ -1,8 +1,10 @@
 //! Steps of policies that observe more than their sensors and their last action.
 
-use super::along::{compare, go2, lively};
+use super::along::{PROCESSORS, compare, go2, lively};
 use super::{logs, stepwise, trials};
 use crate::motions::{reference, terms};
+use gaitfit_cuda::rollout::{Mode, Plan, Scene, Sizes};
+use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::{FrameOrder, History, HistoryStart, Interface, Quantity, Reference, Term};
@@ -74,7 +76,8 @@ fn sensing() -> Candidate {
 #[test]
 #[ignore = "needs g++"]
 fn cxx_steps_along_a_motion_are_the_cpus() {
-    compare("a motion", &following(50.0, 10, |_| ()), &sensing());
+    // The last sample's time, 7 control periods of 0.02 s, is rounded up to a place behind it.
+    compare("a motion", &following(50.0, 8, |_| ()), &sensing());
     let with_frames = following(37.0, 9, |interface| {
         interface.history = History { order: FrameOrder::NewestFirst, start: HistoryStart::Zeros };
         interface.observation.iter_mut().for_each(|term| term.history = 2);
@@ -111,4 +114,22 @@ fn cxx_steps_of_trajectories_along_a_motion_are_the_cpus() {
 #[ignore = "needs g++"]
 fn cxx_logs_along_a_motion_are_the_cpus() {
     logs::compare(&following(37.0, 15, |_| ()), &sensing());
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_rollouts_of_other_policies() {
+    let earlier = Task::new(&go2(), &with_earlier_actions(2, FrameOrder::Frames), Preset::Fast).unwrap();
+    for (label, task) in [("earlier actions", earlier), ("a motion", following(50.0, 100, |_| ()))] {
+        let candidates = [Candidate::nominal(&go2())];
+        let period = Scene::period(&task, &candidates, 4096, PROCESSORS).unwrap();
+        for mode in [Mode::Training, Mode::Trials, Mode::Logs, Mode::Steps] {
+            let steps = if mode == Mode::Steps { 1 } else { 24 };
+            let sizes = Sizes { steps, environments: 4096, networks: 1000, gamma: 0.99, remembered: 0, mode };
+            let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());
+            let program = plan.program.option("--ptxas-options=-v");
+            let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+            println!("{label}, {mode:?}\n{}", compiled.image.log);
+        }
+    }
 }
