@@ -17,7 +17,7 @@ use gaitfit_sim::Sensors;
 use crate::candidates::apart;
 use crate::fit_host::{compare, compare_from, friction, go2, scripts, walking};
 use crate::host::{bytes, call, execute, floats, keep};
-use crate::motions::{reference, terms};
+use crate::motions::{following, observing};
 
 /// The policy with recurrent layers and a new actor behind them.
 fn remembering(policy: &Policy, cell: Cell, hidden: Vec<usize>) -> Policy {
@@ -130,25 +130,7 @@ fn cxx_actions_of_an_evaluation_are_the_cpus() {
     assert!(error.contains("bytes of a multiprocessor's memory"), "{error}");
 }
 
-/// A policy that also observes `terms`, through random weights of its first layer.
-fn observing(policy: &Policy, terms: Vec<Term>) -> Policy {
-    let mut policy = policy.clone();
-    policy.interface.observation.extend(terms);
-    policy.interface.check().unwrap();
-    let (old, outputs) = (policy.actor.shape.inputs, policy.actor.shape.layers()[0].outputs);
-    policy.actor.shape.inputs = policy.interface.observation_width();
-    let noise = gaitfit_random::Stream::new(9, gaitfit_random::Purpose::BOOTSTRAP);
-    let further = (policy.actor.shape.inputs - old) * outputs;
-    let further = (0..further).map(|k| 0.1 * noise.normal(k as u32) as f32);
-    let (first, rest) = policy.actor.parameters.split_at(old * outputs);
-    let weights: Vec<f32> = first.iter().copied().chain(further).chain(rest.iter().copied()).collect();
-    policy.actor.parameters.resize(weights.len(), 0.0);
-    policy.actor.parameters.copy_from_slice(&weights);
-    policy.normaliser = None;
-    policy
-}
-
-/// The policy of a task with `interface`, calm.
+/// The task of a policy, calm.
 fn task_of(policy: &Policy) -> Task {
     let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.03).unwrap()
@@ -173,9 +155,7 @@ fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
 fn cxx_walks_along_a_motion_are_the_cpus() {
     let (_, plain) = walking(None, |_| ());
     for (rate_hz, samples) in [(50.0, 12), (37.0, 9)] {
-        let mut policy = plain.clone();
-        policy.interface.reference = Some(reference(&policy.interface, rate_hz, samples));
-        let policy = observing(&policy, terms());
+        let policy = following(&plain, rate_hz, samples);
         let walking = (task_of(&policy), policy);
         let job = |amount: f64, reset_every, seed| {
             let mut candidate = friction(amount);
@@ -194,10 +174,7 @@ fn cxx_walks_along_a_motion_are_the_cpus() {
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_fits_of_other_policies() {
     let (_, plain) = walking(None, |_| ());
-    let mut policy = plain.clone();
-    policy.interface.reference = Some(reference(&policy.interface, 50.0, 100));
-    let observed = [terms(), vec![Term::new(Quantity::EarlierAction)]].concat();
-    let policy = observing(&policy, observed);
+    let policy = observing(&following(&plain, 50.0, 100), vec![Term::new(Quantity::EarlierAction)]);
     let task = task_of(&policy);
     let subject = Subject::Walk(&task.walker, &policy);
     let period = subject.period(&friction(0.1)).unwrap();

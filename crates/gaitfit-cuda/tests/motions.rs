@@ -1,7 +1,8 @@
 //! Motions that policies of the tests follow.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_policy::{AnchorJoint, Interface, Quantity, Reference, Term};
+use gaitfit_policy::{AnchorJoint, Interface, Policy, Quantity, Reference, Term};
+use gaitfit_random::{Purpose, Stream};
 
 /// A short motion about the default pose, whose base leans, turns and changes the sign of its quaternions. Its anchor is the thigh of
 /// the front left leg of a Go2.
@@ -42,4 +43,29 @@ pub fn terms() -> Vec<Term> {
         ahead(Quantity::ReferenceOrientation, 4).scaled(&[1.0, -1.0, 2.0, 0.5, 1.0, 3.0]),
         ahead(Quantity::ReferencePhase, 1),
     ]
+}
+
+/// A policy that also observes `terms`, through random weights of its first layer.
+pub fn observing(policy: &Policy, terms: Vec<Term>) -> Policy {
+    let mut policy = policy.clone();
+    policy.interface.observation.extend(terms);
+    policy.interface.check().unwrap();
+    let (old, outputs) = (policy.actor.shape.inputs, policy.actor.shape.layers()[0].outputs);
+    policy.actor.shape.inputs = policy.interface.observation_width();
+    let noise = Stream::new(9, Purpose::BOOTSTRAP);
+    let further = (policy.actor.shape.inputs - old) * outputs;
+    let further = (0..further).map(|k| 0.1 * noise.normal(k as u32) as f32);
+    let (first, rest) = policy.actor.parameters.split_at(old * outputs);
+    let weights: Vec<f32> = first.iter().copied().chain(further).chain(rest.iter().copied()).collect();
+    policy.actor.parameters.resize(weights.len(), 0.0);
+    policy.actor.parameters.copy_from_slice(&weights);
+    policy.normaliser = None;
+    policy
+}
+
+/// The policy, which also follows a motion.
+pub fn following(policy: &Policy, rate_hz: f64, samples: usize) -> Policy {
+    let mut policy = policy.clone();
+    policy.interface.reference = Some(reference(&policy.interface, rate_hz, samples));
+    observing(&policy, terms())
 }
