@@ -18,6 +18,15 @@ impl ReferenceTables {
     }
 }
 
+/// A joint between the base and the motion's anchor.
+const ANCHOR: &str =
+    "// A joint between the base and the motion's anchor: its place among the policy's, and its axis.
+struct Anchor {
+    int joint;
+    double axis[3];
+};
+";
+
 impl Words {
     /// The motion that the policy follows, for rows of an actor's layout and, where there is one, a critic's.
     pub fn reference(&mut self, walker: &Walker, actor: &Layout, critic: Option<&Layout>) -> ReferenceTables {
@@ -42,8 +51,7 @@ impl Words {
         }
         self.define("REFERENCE_RATE", double(reference.rate_hz));
         self.define("SAME_SAMPLE", double(Reference::SAME_SAMPLE));
-        self.text.push_str("// A joint between the base and the motion's anchor: its place among the policy's, and its axis.\n");
-        self.text.push_str("struct Anchor {\n    int joint;\n    double axis[3];\n};\n");
+        self.text.push_str(ANCHOR);
         self.table("Anchor", "ANCHOR", anchor);
         let Reference { position, velocity, orientation, .. } = reference;
         let tables = [

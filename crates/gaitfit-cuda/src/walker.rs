@@ -23,8 +23,8 @@ fn observes_earlier(layout: &Layout) -> bool {
     layout.slots().iter().any(|slot| slot.quantity == Quantity::EarlierAction)
 }
 
-/// Number that the kernels need of a term besides its `Term`: for the earlier action, the place of the present last action in the
-/// row; for quantities of a motion, the control periods by which it is read ahead; else 0.
+/// Number that the kernels need of a term besides its `Term`: for the earlier action, the place of the present last
+/// action in the row; for quantities of a motion, the control periods by which it is read ahead; else 0.
 fn extra(layout: &Layout, slot: &Slot) -> usize {
     let last = || layout.slots().iter().find(|other| other.quantity == Quantity::LastAction);
     match slot.quantity {

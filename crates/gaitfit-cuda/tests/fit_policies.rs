@@ -148,8 +148,8 @@ fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
     compare_from("earlier action in logs", &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
 }
 
-/// Policies that follow a motion: each recording has its places in it, also before it begins, and robots that are reset have the
-/// motion where the log has it.
+/// Policies that follow a motion: each recording has its places in it, also before it begins, and robots that are reset
+/// have the motion where the log has it.
 #[test]
 #[ignore = "needs g++"]
 fn cxx_walks_along_a_motion_are_the_cpus() {

@@ -4,8 +4,8 @@
 use gaitfit_policy::{AnchorJoint, Interface, Policy, Quantity, Reference, Term};
 use gaitfit_random::{Purpose, Stream};
 
-/// A short motion about the default pose, whose base leans, turns and changes the sign of its quaternions. Its anchor is the thigh of
-/// the front left leg of a Go2.
+/// A short motion about the default pose, whose base leans, turns and changes the sign of its quaternions. Its anchor
+/// is the thigh of the front left leg of a Go2.
 pub fn reference(interface: &Interface, rate_hz: f64, samples: usize) -> Reference {
     let joints = interface.joints.len();
     let angle = |k: usize| {

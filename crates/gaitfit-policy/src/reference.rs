@@ -144,8 +144,8 @@ impl Reference {
         Ok(())
     }
 
-    /// The anchor's joints, from the base on: place among `joints`, the policy's, and axis (unit, frame of the link). Joints that
-    /// [`Reference::check`] refuses are left out.
+    /// The anchor's joints, from the base on: place among `joints`, the policy's, and axis (unit, frame of the link).
+    /// Joints that [`Reference::check`] refuses are left out.
     pub fn anchor_axes(&self, joints: &[String]) -> Vec<(usize, [f64; 3])> {
         let place = |one: &AnchorJoint| {
             let place = joints.iter().position(|joint| *joint == one.joint)?;

@@ -191,8 +191,9 @@ impl Tables {
     }
 }
 
-/// The robots' places in the motion that the policy follows, at each sample of each recording: time (s), then the angle (rad) by
-/// which the motion is turned, for robots that are reset and for robots that begin at a script's start. `None` for other policies.
+/// Places in the motion that the policy follows, at each sample of each recording: the time since the motion's
+/// beginning (s), then the angle about the vertical (rad) by which the motion is turned, for robots that are reset
+/// and for robots that begin at a script's start. `None` for other policies.
 fn motion_places(walker: &Walker, scripts: &[Script], samples: usize) -> Option<(&'static str, Vec<f64>)> {
     let place = |script: &Script, sample: usize| {
         let (logged, turned) = (script.place(sample, false), script.place(sample, true));

@@ -185,8 +185,8 @@ impl<'a> Play<'a> {
         Ok(self.rollout.errors(self.learner.stream())?)
     }
 
-    /// Distance of each robot's joints from the motion that the policy follows, rad, of [`Mode::Trials`]; `steps × environments`, or
-    /// empty if the policy follows none.
+    /// Distance of each robot's joints from the motion that the policy follows, rad, of [`Mode::Trials`];
+    /// `steps × environments`, or empty if the policy follows none.
     ///
     /// # Errors
     /// A failure of the GPU.

@@ -205,8 +205,8 @@ impl<'a> Rollout<'a> {
         self.read(stream, "errors")
     }
 
-    /// Root-mean-square distance of the joints from the motion that the policy follows, rad, after every step of every environment
-    /// of trials; empty if the policy follows none.
+    /// Root-mean-square distance of the joints from the motion that the policy follows, rad, after every step of every
+    /// environment of trials; empty if the policy follows none.
     ///
     /// # Errors
     /// A failure of the GPU.

@@ -224,8 +224,8 @@ fn gpu_candidates_remember_as_the_cpus() {
     }
 }
 
-/// Policies that follow a motion, and one that also observes the action before the last: the first samples are the CPU's. One
-/// robot is reset.
+/// Policies that follow a motion, and one that also observes the action before the last: the first samples are the
+/// CPU's. One robot is reset.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_candidates_walk_along_a_motion_as_the_cpus() {

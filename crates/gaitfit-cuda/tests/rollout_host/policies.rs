@@ -71,7 +71,7 @@ fn sensing() -> Candidate {
     candidate
 }
 
-/// Motions that end within an episode, at the policy's rate and at another one; with past frames; of one sample; without
+/// Motions that end within an episode, at the policy's rate and at another one; with past frames; of one sample without
 /// orientations; observed by the critic alone.
 #[test]
 #[ignore = "needs g++"]

@@ -147,8 +147,8 @@ impl Layout {
     }
 
     /// The `past` from which [`Layout::write`] wrote `row`: its frames moved back by one. Of the oldest frames, which `row` no
-    /// longer holds and no later row needs, it has copies of the next ones. If the row has no older frame of the last action, the
-    /// `past` has it from the action before, rounded.
+    /// longer holds and no later row needs, it has copies of the next ones. If the row has no older frame of the last
+    /// action, the `past` has it from the action before, rounded.
     ///
     /// # Panics
     /// If `row` is shorter than [`Layout::width`]: an error of the caller.

@@ -28,8 +28,8 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 }
 
 #if FOLLOWS
-// The place in the motion at a sample of a recording, or `earlier` samples before it. `numbers`: of the sample, its time (s), and
-// the angle (rad) by which the motion is turned for robots that are reset and for others.
+// The place in the motion at a sample of a recording, or `earlier` samples before it. `numbers` of the sample: its
+// time (s), and the angle (rad) by which the motion is turned for robots that are reset and for others.
 DEVICE MotionPlace place_at(const double* numbers, u32 earlier, bool resets) {
     return {numbers[0] - (double)earlier * CONTROL_DT, numbers[resets ? 1 : 2]};
 }

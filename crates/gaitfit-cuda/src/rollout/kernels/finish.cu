@@ -41,7 +41,8 @@ DEVICE void start_episodes(
     if (!any) return;
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
-        start_episode(control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways FOLLOWING(turned));
+        start_episode(
+            control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways FOLLOWING(turned));
         __syncthreads();
     }
 }
@@ -160,8 +161,9 @@ DEVICE bool finish_step(
     // Held robots stay as they are, but a state that is not finite cannot be stepped further.
     bool begins = ended != GOES_ON && (broken || !held[0]);
     if (ended != GOES_ON && !held[0])
-        write_last_row(control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1, last_observation
-            FOLLOWING(turned[e]));
+        write_last_row(
+            control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1,
+            last_observation FOLLOWING(turned[e]));
 #else
     bool begins = ended != GOES_ON;
     u32 slot = step / EPISODE_STEPS_MAX;
@@ -232,7 +234,9 @@ KERNEL finish(
             step, control, state, params, report, reward, done, steps, fresh, command, last_action, feet, returns, cut, tail,
             tally, errors, bases, ends, last_observation, memory, imu, ways, past, critic_past, held, m, terms, lane, age, whole,
             broken FOLLOWING(turned, motion_errors)) ? 1 : 0;
-    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways FOLLOWING(turned));
+    start_episodes(
+        control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command,
+        ways FOLLOWING(turned));
 }
 
 // Before a rollout: sums of 0, no episode cut off.

@@ -2,9 +2,9 @@
 
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row, in all frames; `from` is a
 // multiple of 4. `scales`: those of the row. `noise`: draws of this environment and step, or none. `past`: the row of the
-// step before, whose frames move up, or none at an episode's start; it may be `out` unless an earlier action is observed. `memory` and `imu`: errors of this
-// robot's sensors, or none; `command` and `last_action`: this robot's; all have their numbers `apart` from each other. `where`: its place in
-// the motion that its policy follows.
+// step before, whose frames move up, or none at an episode's start; it may be `out` unless an earlier action is
+// observed. `memory` and `imu`: errors of this robot's sensors, or none; `command` and `last_action`: this robot's;
+// all have their numbers `apart` from each other. `where`: its place in the motion that its policy follows.
 DEVICE void write_term(
     int number, int from, int until, const float* scales, const Draws* noise, const float* past, const float* state, const float* params,
     const float* memory, u32 steps, const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out

@@ -1,5 +1,6 @@
-// The motion that the policy follows, as `gaitfit_policy::Reference` has it, and a robot's place in it. The arrays REFERENCE_POSITION
-// and REFERENCE_VELOCITY (samples x ACTIONS) and REFERENCE_ORIENTATIONS (samples x 4) are filled when the program is loaded.
+// The motion that the policy follows, as `gaitfit_policy::Reference` has it, and a robot's place in it.
+// REFERENCE_POSITION and REFERENCE_VELOCITY (samples x ACTIONS) and REFERENCE_ORIENTATIONS (samples x 4) are filled
+// when the program is loaded.
 
 // FOLLOWING adds parameters to functions and arguments to calls where the policy follows a motion.
 #if !FOLLOWS
@@ -68,7 +69,8 @@ DEVICE Quat unit_quaternion(Quat q) {
 // Orientation of the anchor in the motion, unturned.
 DEVICE Quat reference_orientation(Between samples) {
     const float *low = REFERENCE_ORIENTATIONS + 4 * samples.low, *high = REFERENCE_ORIENTATIONS + 4 * samples.high;
-    Quat a = unit_quaternion({low[0], low[1], low[2], low[3]}), b = unit_quaternion({high[0], high[1], high[2], high[3]});
+    Quat a = unit_quaternion({low[0], low[1], low[2], low[3]});
+    Quat b = unit_quaternion({high[0], high[1], high[2], high[3]});
     // q and -q are the same rotation: the sign chooses the nearer one.
     double sign = a.w * b.w + a.x * b.x + a.y * b.y + a.z * b.z < 0.0 ? -1.0 : 1.0, share = samples.share;
     Quat q = {
@@ -77,7 +79,8 @@ DEVICE Quat reference_orientation(Between samples) {
     return scaled(q, sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z));
 }
 
-// Orientation of the robot's anchor for a base with this orientation. With `params` the joints are where the encoders report them.
+// Orientation of the robot's anchor for a base with this orientation. With `params` the joints are where the encoders
+// report them.
 DEVICE Quat anchor_of(const float base[4], const float* state, const float* params, u32 e) {
     Quat frame = unit_quaternion({base[0], base[1], base[2], base[3]});
     for (int i = 0; i < ANCHORS; i++) {
@@ -97,7 +100,8 @@ DEVICE double heading_of(Quat q) {
 
 // Rotation from the robot's anchor to the motion's, `time` s after the motion's beginning.
 DEVICE Quat turn_to_motion(
-    double heading, double time, const float* state, const float* params, const float* memory, const float* imu, u32 apart, u32 e
+    double heading, double time, const float* state, const float* params, const float* memory, const float* imu,
+    u32 apart, u32 e
 ) {
     Base base = read_base(state, memory, e);
     float seen[4];

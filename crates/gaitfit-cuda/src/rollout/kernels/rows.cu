@@ -31,11 +31,12 @@ DEVICE void write_last_row(
 }
 #endif
 
-// Term `number` of the row of environment `e` of step `step`; its frames are kept for the next row. `fresh`: whether each episode begins.
+// Term `number` of the row of environment `e` of step `step`; its frames are kept for the next row. `fresh`: whether
+// each episode begins.
 DEVICE void observe_term(
-    int number, u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps,
-    const u32* fresh, const float* imu, const float* command, const float* last_action, float* past, float* critic_past,
-    float* observation, float* critic_observation, u32 e FOLLOWING(const float* turned)
+    int number, u32 step, const u32* control, const float* state, const float* params, const float* memory,
+    const u32* steps, const u32* fresh, const float* imu, const float* command, const float* last_action, float* past,
+    float* critic_past, float* observation, float* critic_observation, u32 e FOLLOWING(const float* turned)
 ) {
     u64 sample = (u64)step * ENVIRONMENTS + e;
     bool actor = number < ACTOR_ROW.terms;
@@ -44,9 +45,9 @@ DEVICE void observe_term(
     float* out = (actor ? observation : critic_observation) + sample * row.width;
     float* kept = PAST_ROW((actor ? past : critic_past), row);
     write_term(
-        number, 0, TERMS[number].width, SCALES + row.scale, actor ? &noise : nullptr, fresh[e] ? nullptr : kept, state, params,
-        actor ? memory : nullptr, steps[e], actor ? imu + e : nullptr, command + e, last_action + e, ENVIRONMENTS, e, out
-        FOLLOWING(place_of(steps[e], turned[e])));
+        number, 0, TERMS[number].width, SCALES + row.scale, actor ? &noise : nullptr, fresh[e] ? nullptr : kept, state,
+        params, actor ? memory : nullptr, steps[e], actor ? imu + e : nullptr, command + e, last_action + e,
+        ENVIRONMENTS, e, out FOLLOWING(place_of(steps[e], turned[e])));
     if (!kept) return;
     Term term = TERMS[number];
     for (int frame = 0; frame < term.frames; frame++)
@@ -58,9 +59,9 @@ DEVICE void observe_term(
 
 // The row of environment `e` of step `step`: a block column for each term of the actor, then of the critic.
 DEVICE void observe_environment(
-    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps, const u32* fresh,
-    const float* imu, const float* command, const float* last_action, float* past, float* critic_past, float* observation,
-    float* critic_observation, u32 e FOLLOWING(const float* turned)
+    u32 step, const u32* control, const float* state, const float* params, const float* memory, const u32* steps,
+    const u32* fresh, const float* imu, const float* command, const float* last_action, float* past, float* critic_past,
+    float* observation, float* critic_observation, u32 e FOLLOWING(const float* turned)
 ) {
     int number = (int)blockIdx.y;
 #if HAS_EARLIER
@@ -71,13 +72,13 @@ DEVICE void observe_environment(
         for (int other = row.first; other < row.first + row.terms; other++)
             if (TERMS[other].quantity == EARLIER_ACTION)
                 observe_term(
-                    other, step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past,
-                    observation, critic_observation, e FOLLOWING(turned));
+                    other, step, control, state, params, memory, steps, fresh, imu, command, last_action, past,
+                    critic_past, observation, critic_observation, e FOLLOWING(turned));
     }
 #endif
     observe_term(
-        number, step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past, observation,
-        critic_observation, e FOLLOWING(turned));
+        number, step, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past,
+        observation, critic_observation, e FOLLOWING(turned));
 }
 
 // The rows of step `step` of the samples.
@@ -102,7 +103,8 @@ KERNEL observe_end(
     if (e >= ENVIRONMENTS) return;
     int number = CRITIC_ROW.first + (int)blockIdx.y;
     write_term(
-        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, fresh[e] ? nullptr : PAST_ROW(critic_past, CRITIC_ROW), state,
-        params, nullptr, steps[e], nullptr, command + e, last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width
-        FOLLOWING(place_of(steps[e], turned[e])));
+        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr,
+        fresh[e] ? nullptr : PAST_ROW(critic_past, CRITIC_ROW), state, params, nullptr, steps[e], nullptr, command + e,
+        last_action + e, ENVIRONMENTS, e,
+        tail + (u64)e * CRITIC_ROW.width FOLLOWING(place_of(steps[e], turned[e])));
 }

@@ -40,7 +40,8 @@ KERNEL restart(
         }
 #endif
     }
-    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways FOLLOWING(turned));
+    start_episodes(
+        control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways FOLLOWING(turned));
 }
 
 // What those that are `chosen` observe at the next step; the rows of others stay.
