@@ -148,6 +148,18 @@ fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
     compare_from("earlier action in logs", &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
 }
 
+/// Walks have no critic, so what it observed is not kept.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_without_the_critics_past_are_the_cpus() {
+    let walking = walking(None, |policy| {
+        assert!(!policy.interface.critic_observation.is_empty());
+        policy.interface.critic_observation.iter_mut().for_each(|term| term.history = 3);
+    });
+    let job = Job { candidate: friction(0.1), reset_every: None, seed: 3 };
+    compare("the critic's past", &walking, &[job], &[9, 7], [4, 4]);
+}
+
 /// Policies that follow a motion: each recording has its places in it, also before it begins, and robots that are reset
 /// have the motion where the log has it.
 #[test]
