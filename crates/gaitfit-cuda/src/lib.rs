@@ -11,6 +11,7 @@ pub mod fit;
 pub mod networks;
 pub mod physics;
 pub mod ppo;
+mod reference;
 pub mod rollout;
 pub mod runtime;
 mod spots;

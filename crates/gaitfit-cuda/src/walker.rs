@@ -1,6 +1,6 @@
 //! A policy on a robot as kernels' text: joints, targets, falls and observations.
 
-use gaitfit_policy::observation::Layout;
+use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::walker::{TOUCH, Walker};
 use gaitfit_policy::{HistoryStart, Quantity, frames, target};
 
@@ -16,6 +16,22 @@ pub(crate) type Observed<'a> = (&'a Layout, &'a dyn Fn(Quantity) -> f32);
 /// Numbers of a row that are kept from step to step: none without past frames.
 pub(crate) fn kept(layout: &Layout) -> usize {
     if layout.frames() > 1 { layout.width() } else { 0 }
+}
+
+/// Whether a row contains the action before the last.
+fn observes_earlier(layout: &Layout) -> bool {
+    layout.slots().iter().any(|slot| slot.quantity == Quantity::EarlierAction)
+}
+
+/// Number that the kernels need of a term besides its `Term`: for the earlier action, the place of the present last
+/// action in the row; for quantities of a motion, the control periods by which it is read ahead; else 0.
+fn extra(layout: &Layout, slot: &Slot) -> usize {
+    let last = || layout.slots().iter().find(|other| other.quantity == Quantity::LastAction);
+    match slot.quantity {
+        Quantity::EarlierAction => last().map_or(0, |last| last.present.start),
+        quantity if quantity.is_of_reference() => slot.ahead,
+        _ => 0,
+    }
 }
 
 /// The physics' arrays for `tiles` tiles, and the class of numbers that each holds.
@@ -94,7 +110,7 @@ impl Words {
     }
 
     /// The numbers that quantities have in terms, by their names in capitals; the terms of each row, one row after the
-    /// other; and their scales. Returns each row as the text of a `Row`.
+    /// other; their scales; and the [`extra`] number of each. Returns each row as the text of a `Row`.
     pub fn observed(&mut self, walker: &Walker, rows: &[Observed<'_>]) -> Vec<String> {
         let names: Vec<String> =
             Quantity::ALL.iter().map(|quantity| quantity.name().to_uppercase()).collect();
@@ -102,9 +118,11 @@ impl Words {
         let zeros = walker.interface.history.start == HistoryStart::Zeros;
         self.define("ZEROS_BEFORE", u32::from(zeros));
         let (mut terms, mut scales, mut all) = (Vec::new(), Vec::new(), Vec::new());
+        let mut extras = Vec::new();
         for (layout, noise) in rows {
             let (first, scale, mut draw) = (terms.len(), scales.len(), 0);
             for slot in layout.slots() {
+                extras.push(extra(layout, slot));
                 let (quantity, width) = (slot.quantity as usize, slot.present.len());
                 let (place, half) = (slot.present.start, single(noise(slot.quantity)));
                 let (oldest, frames) = (slot.frames[0], slot.frames.len());
@@ -120,6 +138,13 @@ impl Words {
         }
         self.table("Term", "TERMS", terms);
         self.singles("SCALES", &scales);
+        let layouts: Vec<&Layout> = rows.iter().map(|(layout, _)| *layout).collect();
+        let has_earlier = layouts.iter().any(|layout| observes_earlier(layout));
+        self.define("HAS_EARLIER", u32::from(has_earlier));
+        // The kernels of other policies do not have the table.
+        if has_earlier || layouts.iter().any(|layout| layout.follows()) {
+            self.integers("EXTRA", &extras);
+        }
         all
     }
 }

@@ -2,9 +2,7 @@
 
 use std::fmt::Write;
 
-use gaitfit_policy::Quantity;
 use gaitfit_policy::network::{Activation, SELU};
-use gaitfit_policy::observation::Layout;
 
 use crate::spots::Spot;
 
@@ -72,13 +70,6 @@ pub(crate) fn function(activation: Activation) -> (&'static str, f32, f32) {
         Activation::Gelu => ("GELU", 0.0, 0.0),
         Activation::GeluTanh => ("GELU_TANH", 0.0, 0.0),
     }
-}
-
-/// Words for a policy with this layout, for a message, if the kernels do not write one of its observations.
-pub(crate) fn unobserved(layout: &Layout) -> Option<String> {
-    let unknown = |quantity: Quantity| quantity == Quantity::EarlierAction || quantity.is_of_reference();
-    let quantity = layout.slots().iter().map(|slot| slot.quantity).find(|&quantity| unknown(quantity))?;
-    Some(format!("a policy that observes {}", quantity.name()))
 }
 
 pub(crate) fn single(value: f32) -> String {

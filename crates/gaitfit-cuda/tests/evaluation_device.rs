@@ -1,6 +1,7 @@
 //! A policy's walks on a GPU against the CPU's: trajectories, constant commands, crossings of uneven ground.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+use crate::motions::{following, observing};
 use crate::rollout_device::{SEED, changed, go2};
 use gaitfit_cuda::rollout::{crossings, drift, run_trials};
 use gaitfit_cuda::runtime::Device;
@@ -10,7 +11,7 @@ use gaitfit_learn::task::{Task, TaskSettings, TerrainSettings};
 use gaitfit_learn::{Training, TrainingSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::network::{Activation, Cell, Network, Shape};
-use gaitfit_policy::{Encoder, Front, Interface, Latent, Policy};
+use gaitfit_policy::{Encoder, Front, Interface, Latent, Policy, Quantity, Term};
 
 /// 10,000 trajectories: the same commands, and means that agree within their intervals.
 #[test]
@@ -86,10 +87,12 @@ fn gpu_policies_of_all_kinds_move_as_the_cpus() {
         ("lstm", trained(Some((Cell::Lstm, 2)))),
         ("swish", swish),
         ("two-part", two_part),
+        ("motion", following(&plain, 37.0, 12)),
+        ("earlier action", observing(&plain, vec![Term::new(Quantity::EarlierAction)])),
         ("plain", plain),
     ] {
         // Policies of other trainers have no critic, and their files do not state what it observes.
-        let bare = (label == "two-part").then(|| {
+        let bare = ["two-part", "motion", "earlier action"].contains(&label).then(|| {
             let interface = Interface { critic_observation: Vec::new(), ..policy.interface.clone() };
             let policy = Policy { interface, critic: None, ..policy.clone() };
             let settings = task.settings.clone();
@@ -106,7 +109,9 @@ fn gpu_policies_of_all_kinds_move_as_the_cpus() {
         let wanted = evaluate::run_trials(&subject, count, 0.3, 16).unwrap();
         let apart = |(got, want): (&evaluate::Trial, &evaluate::Trial)| {
             let velocity = (got.linear_velocity_error - want.linear_velocity_error).abs();
-            velocity.max((got.action_rate - want.action_rate).abs())
+            let motion = got.motion_error.unwrap_or_default() - want.motion_error.unwrap_or_default();
+            assert_eq!(got.motion_error.is_some(), label == "motion");
+            velocity.max((got.action_rate - want.action_rate).abs()).max(motion.abs())
         };
         let mut errors: Vec<f64> = trials.iter().zip(&wanted).map(apart).collect();
         assert!(errors[16_384..].iter().all(|error| *error < 1e-2));

@@ -19,11 +19,11 @@ use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::observation::Layout;
 use gaitfit_policy::walker::TorqueNoise;
-use gaitfit_policy::{FrameOrder, Policy};
+use gaitfit_policy::{FrameOrder, MotionPlace, Policy};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Sensors, Start};
-use host::{bytes, call, execute, floats, keep, take};
+use host::{bytes, call, execute, fill, floats, keep, take};
 
-fn go2() -> Model {
+pub fn go2() -> Model {
     gaitfit_model::read(asset("go2.xml").as_ref(), &Default::default()).unwrap()
 }
 
@@ -55,8 +55,14 @@ pub fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
             others: (0..if number == 1 { 0 } else { 2 })
                 .map(|other| walker.start_from_joints(&angles, &vec![0.5 - f64::from(other); joints]))
                 .collect(),
-            motion: Vec::new(),
-            turned_back: 0.0,
+            // Every recording begins elsewhere in the motion that the policy follows, if it follows one.
+            motion: (0..if walker.observation.follows() { length } else { 0 })
+                .map(|row| MotionPlace {
+                    time: 0.02 * row as f64 - 0.07 + 0.1 * number as f64,
+                    heading: 0.4 - 0.9 * number as f64,
+                })
+                .collect(),
+            turned_back: 0.3 * number as f64 - 0.2,
             states: Vec::new(),
             actions: Vec::new(),
         })
@@ -138,6 +144,10 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
 fn earlier(script: &Script, earlier: usize) -> Script {
     let mut script = script.clone();
     script.commands.splice(0..0, std::iter::repeat_n(script.commands[0], earlier));
+    if let Some(&first) = script.motion.first() {
+        let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * 0.02, ..first };
+        script.motion.splice(0..0, (0..earlier).map(before));
+    }
     script.start.base_linear[0] += 0.01 * earlier as f32;
     Script { others: Vec::new(), ..script }
 }
@@ -203,7 +213,8 @@ pub fn compare_from(
     let motion: Vec<_> = (0..jobs.len()).map(|job| robots(task, &scripts, &jobs[job], own(job))).collect();
 
     let mut files = files_of(&tables, &numbers);
-    let mut statements = call(&plan.spread());
+    let mut statements = fill(&plan.program, &mut files);
+    statements.push_str(&call(&plan.spread()));
     let f = |numbers: Vec<f32>| bytes(&numbers, f32::to_ne_bytes);
     for sample in 0..plan.steps {
         statements.push_str(&call(&plan.step(sample)));

@@ -1,18 +1,23 @@
 //! Networks of policies in the kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow`.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_cuda::fit::Tables;
+use gaitfit_cuda::fit::{Plan, Scene, Sizes, Subject, Tables};
 use gaitfit_cuda::networks::ActorPlan;
 use gaitfit_cuda::ppo::Limits;
+use gaitfit_cuda::runtime::{Nvrtc, compile};
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_physics::Preset;
 use gaitfit_policy::follow::{Job, Track, follow};
 use gaitfit_policy::network::{
     Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentShape, Scratch, Shape,
 };
-use gaitfit_policy::{Encoder, Front, Latent, Policy};
+use gaitfit_policy::{Encoder, Front, Latent, Policy, Quantity, Term};
+use gaitfit_sim::Sensors;
 
 use crate::candidates::apart;
-use crate::fit_host::{compare, compare_from, friction, scripts, walking};
+use crate::fit_host::{compare, compare_from, friction, go2, scripts, walking};
 use crate::host::{bytes, call, execute, floats, keep};
+use crate::motions::{following, observing};
 
 /// The policy with recurrent layers and a new actor behind them.
 fn remembering(policy: &Policy, cell: Cell, hidden: Vec<usize>) -> Policy {
@@ -123,6 +128,77 @@ fn cxx_actions_of_an_evaluation_are_the_cpus() {
     let narrow = Limits { processors: 2, shared_memory: 2_000 };
     let error = ActorPlan::new(&plain, ROBOTS, STEPS, narrow).unwrap_err().to_string();
     assert!(error.contains("bytes of a multiprocessor's memory"), "{error}");
+}
+
+/// The task of a policy, calm.
+fn task_of(policy: &Policy) -> Task {
+    let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.03).unwrap()
+}
+
+/// The action before the last stays with each robot, and a log's earlier samples count.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_with_the_action_before_the_last_are_the_cpus() {
+    let (_, plain) = walking(None, |_| ());
+    let policy = observing(&plain, vec![Term::new(Quantity::EarlierAction).scaled(&[0.5])]);
+    let walking = (task_of(&policy), policy);
+    let job = |amount, seed| Job { candidate: friction(amount), reset_every: None, seed };
+    compare("earlier action", &walking, &[job(0.1, 3), job(0.3, 1)], &[24, 19], [8, 4]);
+    compare_from("earlier action in logs", &walking, &[job(0.1, 3)], &[14, 9], [4, 4], Some(&[0, 7]));
+}
+
+/// Walks have no critic, so what it observed is not kept.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_without_the_critics_past_are_the_cpus() {
+    let walking = walking(None, |policy| {
+        assert!(!policy.interface.critic_observation.is_empty());
+        policy.interface.critic_observation.iter_mut().for_each(|term| term.history = 3);
+    });
+    let job = Job { candidate: friction(0.1), reset_every: None, seed: 3 };
+    compare("the critic's past", &walking, &[job], &[9, 7], [4, 4]);
+}
+
+/// Policies that follow a motion: each recording has its places in it, also before it begins, and robots that are reset
+/// have the motion where the log has it.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_along_a_motion_are_the_cpus() {
+    let (_, plain) = walking(None, |_| ());
+    for (rate_hz, samples) in [(50.0, 12), (37.0, 9)] {
+        let policy = following(&plain, rate_hz, samples);
+        let walking = (task_of(&policy), policy);
+        let job = |amount: f64, reset_every, seed| {
+            let mut candidate = friction(amount);
+            candidate.robot.encoder_bias = vec![0.02; 12];
+            (candidate.robot.velocity_lag, candidate.robot.imu_delay) = (0.004, 0.007);
+            candidate.sensors = Sensors { imu_tilt: [0.3 * amount, -0.05], gyro_bias: [0.1, amount, -0.07] };
+            Job { candidate, reset_every, seed }
+        };
+        let jobs = [job(0.1, None, 3), job(0.3, Some(5), 1)];
+        compare("motion", &walking, &jobs, &[24, 19, 17], [8, 4]);
+        compare_from("motion in logs", &walking, &jobs[..1], &[14, 9], [4, 4], Some(&[0, 7]));
+    }
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_fits_of_other_policies() {
+    let (_, plain) = walking(None, |_| ());
+    let policy = observing(&following(&plain, 50.0, 100), vec![Term::new(Quantity::EarlierAction)]);
+    let task = task_of(&policy);
+    let subject = Subject::Walk(&task.walker, &policy);
+    let period = subject.period(&friction(0.1)).unwrap();
+    let scripts = scripts(&task, &policy, &[10]);
+    let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
+    for tables in [tables.clone(), tables.for_logs(3)] {
+        let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows: 8, group: 4 };
+        let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);
+        let program = plan.program.option("--ptxas-options=-v");
+        let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+        println!("{}", compiled.image.log);
+    }
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod fit_predict;
 mod fit_replay;
 mod host;
 mod kernels;
+mod motions;
 mod ppo_device;
 mod ppo_host;
 mod ppo_memory;

@@ -1,6 +1,7 @@
 //! Trainings on a GPU against the CPU's.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+use crate::motions::{following, reference, terms};
 use gaitfit_cuda::ppo::Precision;
 use gaitfit_cuda::rollout::{Trainer, collect};
 use gaitfit_cuda::runtime::Device;
@@ -13,6 +14,7 @@ use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::network::Cell;
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 
 pub const SEED: u64 = 11;
@@ -61,6 +63,16 @@ fn networks(kind: NetworkKind, joints: &[usize]) -> JointNetworks {
     JointNetworks { kind, joints: joints.to_vec(), rest: vec![0.1; joints.len()], weights, scales }
 }
 
+/// The velocity task along a motion, which actor and critic observe.
+pub fn along_a_motion(change: impl FnOnce(&mut TaskSettings)) -> Task {
+    let task = changed(change);
+    let mut interface = task.walker.interface.clone();
+    interface.reference = Some(reference(&interface, 37.0, 30));
+    interface.observation.extend(terms());
+    interface.critic_observation.extend(terms());
+    Task::with_interface(&go2(), &task.settings, interface, Preset::Fast, 0.0).unwrap()
+}
+
 /// A few control steps from the same start: the same commands, and almost the same motion.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
@@ -81,6 +93,8 @@ fn gpu_rollouts_are_the_cpus() {
         ("velocity", everywhere),
         ("uneven", Candidate::nominal(&go2())),
         ("past", Candidate::nominal(&go2())),
+        ("earlier action", Candidate::nominal(&go2())),
+        ("motion", Candidate::nominal(&go2())),
     ] {
         let task = match name {
             "uneven" => changed(|settings| settings.terrain = Some(TerrainSettings::default())),
@@ -88,6 +102,12 @@ fn gpu_rollouts_are_the_cpus() {
                 settings.policy.observation.iter_mut().for_each(|term| term.history = 5);
                 settings.policy.critic_observation[0].history = 3;
             }),
+            "earlier action" => changed(|settings| {
+                let earlier = Term::new(Quantity::EarlierAction).scaled(&[0.5]);
+                settings.policy.observation.insert(0, earlier.clone());
+                settings.policy.critic_observation.push(earlier);
+            }),
+            "motion" => along_a_motion(|_| ()),
             name => task(name),
         };
         let mut cpu = around(&task, &candidate, 300, 3);
@@ -227,11 +247,14 @@ fn gpu_logs_are_the_cpus_at_first() {
     fitted.torque_noise = 0.4;
     fitted.robot.frictionloss = vec![0.2; 12];
     fitted.networks = vec![networks(NetworkKind::ResidAct, &[2, 11])];
+    let walk = policy;
     for (name, candidate, settings) in [
         ("nominal", Candidate::nominal(&go2()), settings.clone().calm()),
         ("fitted", fitted, settings.clone().calm()),
+        ("along a motion", Candidate::nominal(&go2()), settings.clone().calm()),
         ("randomised", Candidate::nominal(&go2()), settings),
     ] {
+        let policy = if name == "along a motion" { following(&walk, 37.0, 60) } else { walk.clone() };
         let interface = policy.interface.clone();
         let task = Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.02).unwrap();
         let subject = Subject {
@@ -263,6 +286,8 @@ fn gpu_logs_are_the_cpus_at_first() {
             let rows = 3 * got.trajectory.len().min(want.trajectory.len());
             let commands = [got, want].map(|log| &log.trajectory.command.as_ref().unwrap()[..rows]);
             assert_eq!(commands[0], commands[1]);
+            let places = |log: &Collected| log.trajectory.motion.as_ref().map(|all| all[..2].to_vec());
+            assert_eq!(places(got), places(want));
             assert_eq!(got.trajectory.gains, want.trajectory.gains);
             let base = got.trajectory.base.as_ref().unwrap();
             assert_eq!(base.quaternion.as_ref().unwrap().len(), 4 * got.trajectory.len());

@@ -1,11 +1,13 @@
 //! Environments on a GPU under actions from outside, against the CPU's.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+use crate::rollout_device::along_a_motion;
 use gaitfit_cuda::rollout::{RolloutError, Shown, Stepper};
 use gaitfit_cuda::runtime::{Buffer, Device};
 use gaitfit_learn::task::{Ended, Environment, Task, TaskSettings, TerrainSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
 
@@ -39,14 +41,20 @@ fn differences(got: &[f32], want: &[f32], width: usize, kept: &[bool]) -> Vec<f3
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_steps_under_given_actions_are_the_cpus() {
     let device = Device::open(0).unwrap();
-    for name in ["velocity", "biped", "uneven ground"] {
+    for name in ["velocity", "biped", "uneven ground", "earlier action", "motion"] {
         let mut settings = settings(if name == "biped" { "biped" } else { "velocity" });
         if name == "uneven ground" {
             settings.terrain = Some(TerrainSettings { levels: 4, columns: 2, ..TerrainSettings::default() });
         }
+        if name == "earlier action" {
+            settings.policy.observation.insert(0, Term::new(Quantity::EarlierAction));
+        }
         // Episodes end by time within the steps.
         settings.episode_seconds = 30.0 * settings.control_dt;
-        let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+        let task = match name {
+            "motion" => along_a_motion(|task| task.clone_from(&settings)),
+            _ => Task::new(&go2(), &settings, Preset::Fast).unwrap(),
+        };
         let nominal = [Candidate::nominal(&go2())];
         let mut cpu = Environment::new(&task, None, SEED, 0, ENVIRONMENTS).unwrap();
         cpu.stagger();

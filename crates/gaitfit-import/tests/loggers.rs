@@ -194,7 +194,7 @@ fn a_recording_states_gains_and_steps_as_a_log_does_and_a_mapping_renames_its_jo
         let t = f64::from(i) / 100.0;
         let _ = writeln!(text, "{t};{};{}", wave(t), -wave(t));
     }
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, &text).unwrap();
     std::fs::write(folder.path().join("mine.toml"), "[columns]\nposition = \"p_{joint}\"\n").unwrap();
     std::fs::write(folder.path().join("log.toml"), "kd = 2\nsimulated_step_s = 0.001\n").unwrap();
     let mapping = "[time]\ncolumn = \"stamp\"\n[columns]\nposition = \"p_{joint}\"\n[joint_names]\nVR1 = \"FR_hip\"\nVL1 = \"FL_hip\"\n";

@@ -187,7 +187,7 @@ fn a_stated_rate_is_judged_by_the_velocities() {
 fn copied_rows_with_empty_numbers_are_no_new_rows() {
     let row = |i: u32| {
         let row = format!("{0},{0},1,NaN,NaN,NaN\n", 0.005 * f64::from(i));
-        row.repeat(if i % 10 == 0 { 2 } else { 1 })
+        row.repeat(if i.is_multiple_of(10) { 2 } else { 1 })
     };
     let rows: String = (0..100).map(row).collect();
     let header = "time,q_a,dq_a,base_pos_x,base_pos_y,base_pos_z";

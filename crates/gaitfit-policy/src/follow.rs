@@ -264,8 +264,9 @@ impl Script {
             .map_or(&self.start, |other| &self.others[other])
     }
 
-    /// The robot's place in the motion at `sample`. `back`: whether the robot was turned back at its start.
-    fn place(&self, sample: usize, back: bool) -> MotionPlace {
+    /// The robot's place in the motion at `sample`; behind the last sample, at that one. `back`: whether the robot
+    /// was turned back at its start, and the motion with it ([`Script::turned_back`]).
+    pub fn place(&self, sample: usize, back: bool) -> MotionPlace {
         // A script without a motion has no places, and a default one that nobody reads.
         let last = self.motion.len().saturating_sub(1);
         let place = self.motion.get(sample.min(last)).copied().unwrap_or_default();

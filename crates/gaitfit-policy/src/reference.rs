@@ -11,8 +11,6 @@ use crate::{Interface, InterfaceError, Quantity, Term};
 const MAX_NUMBERS: usize = 1 << 20;
 /// Max number of control periods that a motion is read ahead.
 const MAX_AHEAD: usize = 1000;
-/// A time this near to a sample's, in samples, is taken as that sample's: times are sums of rounded numbers.
-const SAME: f64 = 1e-4;
 
 /// A motion that a policy follows. Before its beginning and after its end it stands still.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +54,9 @@ pub struct MotionPlace {
 }
 
 impl Reference {
+    /// A time this near to a sample's, in samples, is taken as that sample's: times are sums of rounded numbers.
+    pub const SAME_SAMPLE: f64 = 1e-4;
+
     /// The motion of a log: its joint positions, velocities and, if it has some, orientations.
     ///
     /// # Errors
@@ -144,6 +145,16 @@ impl Reference {
         Ok(())
     }
 
+    /// The anchor's joints, from the base on: place among `joints`, the policy's, and axis (unit, frame of the link).
+    /// Joints that [`Reference::check`] refuses are left out.
+    pub fn anchor_axes(&self, joints: &[String]) -> Vec<(usize, [f64; 3])> {
+        let place = |one: &AnchorJoint| {
+            let place = joints.iter().position(|joint| *joint == one.joint)?;
+            Some((place, unit(one.axis)?))
+        };
+        self.anchor.iter().filter_map(place).collect()
+    }
+
     /// Samples.
     pub fn samples(&self, joints: usize) -> usize {
         self.position.len() / joints.max(1)
@@ -203,12 +214,8 @@ impl Follower {
     /// The motion of `interface`; `None` if it has none.
     pub fn new(interface: &Interface) -> Option<Self> {
         let reference = interface.reference.clone()?;
-        let place = |one: &AnchorJoint| {
-            let place = interface.joints.iter().position(|joint| *joint == one.joint)?;
-            Some((place, unit(one.axis)?))
-        };
         Some(Self {
-            anchor: reference.anchor.iter().filter_map(place).collect(),
+            anchor: reference.anchor_axes(&interface.joints),
             joints: interface.joints.len(),
             control_dt: interface.control_dt,
             reference,
@@ -234,7 +241,7 @@ impl Follower {
         let place = time * self.reference.rate_hz;
         // Without this, a time that is rounded up would be after the last sample, where the velocity is 0.
         let near = place.round();
-        let place = if (place - near).abs() < SAME { near } else { place };
+        let place = if (place - near).abs() < Reference::SAME_SAMPLE { near } else { place };
         let moves = place >= 0.0 && place <= last as f64;
         let place = place.clamp(0.0, last as f64);
         let low = (place.floor() as usize).min(last);

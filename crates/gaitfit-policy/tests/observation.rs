@@ -149,6 +149,10 @@ fn the_action_before_the_last_is_the_last_of_the_row_before() {
         assert_eq!(rows[2][layout.slots()[2].present.clone()], [-6.0, 12.0]);
         // Rows are kept for it even without a history.
         assert!(Past::new(&layout, 1).is_kept());
+        // What a row's past was follows from the row.
+        let mut again = vec![f32::NAN; layout.width()];
+        layout.write(&sensed(3.0), Some(&layout.before(&rows[2])), |_, _| (), &mut again);
+        assert_eq!(again, rows[2], "{order:?}");
     }
     let wrong = |observation: Vec<Term>| {
         let interface = Interface { observation, ..with_frames([1; 3], History::default()) };

@@ -215,6 +215,8 @@ impl Plan {
                     "recurrent",
                     "signals",
                     "ends",
+                    // Launches leave out arrays that a plan does not have.
+                    "motion_places",
                 ];
                 let numbers = [&numbers[..], &[self.starts]].concat();
                 self.launch("walk", shape, &numbers, &arrays)

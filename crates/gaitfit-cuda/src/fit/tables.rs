@@ -10,7 +10,6 @@ use gaitfit_sim::{Replay, Start};
 use super::text::leg_joints;
 use super::{FitError, Subject};
 use crate::networks::{Networks, unknown_policy};
-use crate::words::unobserved;
 
 /// Numbers of the base's orientation (a quaternion) and rates.
 const IMU_SIGNALS: usize = 7;
@@ -40,9 +39,8 @@ impl Tables {
     /// # Errors
     /// [`FitError::Unsupported`] for policies that the kernels do not know.
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
-        let unknown = unknown_policy(policy).map(str::to_owned).or_else(|| unobserved(&walker.observation));
-        if let Some(what) = unknown {
-            return Err(FitError::Unsupported(what));
+        if let Some(what) = unknown_policy(policy) {
+            return Err(FitError::Unsupported(what.to_owned()));
         }
         let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
         let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();
@@ -90,7 +88,7 @@ impl Tables {
                 ("actions", logged),
                 ("network", Networks::new(policy).numbers),
             ],
-            doubles: Vec::new(),
+            doubles: motion_places(walker, scripts, samples).into_iter().collect(),
         })
     }
 
@@ -191,6 +189,19 @@ impl Tables {
     pub fn recordings(&self) -> usize {
         self.lengths.len()
     }
+}
+
+/// Places in the motion that the policy follows, at each sample of each recording: the time since the motion's
+/// beginning (s), then the angle about the vertical (rad) by which the motion is turned, for robots that are reset
+/// and for robots that begin at a script's start. `None` for other policies.
+fn motion_places(walker: &Walker, scripts: &[Script], samples: usize) -> Option<(&'static str, Vec<f64>)> {
+    let place = |script: &Script, sample: usize| {
+        let (logged, turned) = (script.place(sample, false), script.place(sample, true));
+        [logged.time, logged.heading, turned.heading]
+    };
+    let rows = scripts.iter().flat_map(|script| (0..samples).map(move |sample| (script, sample)));
+    let places = || rows.flat_map(|(script, sample)| place(script, sample)).collect();
+    walker.observation.follows().then(|| ("motion_places", places()))
 }
 
 /// A start as the first numbers of a state.

@@ -6,8 +6,10 @@ use gaitfit_policy::walker::Walker;
 
 use super::scene::{Scene, Subject};
 use crate::networks::{Blocks, Networks};
+use crate::reference::ReferenceTables;
 use crate::rollout::GROUND_HEIGHTS;
 use crate::runtime::Program;
+use crate::walker::kept;
 use crate::words::{Words, double, single};
 
 /// The program of a scene, `rows` robots of a block together, `group` of a thread. `logs`: whether robots that walk make
@@ -18,9 +20,11 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     let mut words = Words { text };
     let heights = scene.subject.walker().map_or_else(Vec::new, |walker| words.ground(walker));
     sizes(&mut words, scene);
+    let mut motion = ReferenceTables::default();
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
             walk(&mut words, walker);
+            motion = words.reference(walker, &walker.observation, None);
             Networks::new(policy).write(&mut words, policy, Blocks { rows, group });
             words.define("MAKES_LOGS", u32::from(logs));
             &[
@@ -28,6 +32,8 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
                 include_str!("../rollout/kernels/ground.cu"),
                 include_str!("../rollout/kernels/robot.cu"),
                 include_str!("../rollout/kernels/sensors.cu"),
+                include_str!("../rollout/kernels/turns.cu"),
+                include_str!("../rollout/kernels/reference.cu"),
                 include_str!("../rollout/kernels/observe.cu"),
                 include_str!("../rollout/kernels/targets.cu"),
                 include_str!("../rollout/kernels/falls.cu"),
@@ -66,7 +72,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
     for part in parts {
         words.text.push_str(part);
     }
-    let program = Program::new("fit", words.text).option("-fmad=false");
+    let program = motion.fill(Program::new("fit", words.text).option("-fmad=false"));
     if heights.is_empty() { program } else { program.table(GROUND_HEIGHTS, heights) }
 }
 
@@ -112,7 +118,8 @@ fn walk(words: &mut Words, walker: &Walker) {
     let interface = &walker.interface;
     words.walker(walker);
     words.define("OBSERVATION", interface.observation_width());
-    words.define("HAS_PAST", u32::from(walker.sees_past()));
+    // The critic's past frames are not looked at in walks.
+    words.define("HAS_PAST", u32::from(kept(&walker.observation) > 0));
     let mut parts = Vec::new();
     for (number, Term { quantity, .. }) in interface.observation.iter().enumerate() {
         let width = quantity.width(interface.joints.len());

@@ -3,6 +3,7 @@
 use gaitfit_learn::collect::{CollectOptions, Collected, Recorder, sensed_width};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::Environment;
+use gaitfit_policy::MotionPlace;
 
 use super::RolloutError;
 use super::play::{Extent, Play, Played};
@@ -27,7 +28,7 @@ pub fn collect(
     let mut play = Play::new(device, subject, Mode::Logs, Extent::new(options.count, last))?;
     let (environments, steps) = (play.environments, play.steps);
     let (actions, joints) = (task.walker.joints.len(), task.walker.default_pose.len());
-    let width = sensed_width(actions);
+    let (width, dt) = (sensed_width(actions), task.walker.interface.control_dt);
     let mut targets = vec![0.0; environments * joints];
     let mut logs = Vec::with_capacity(options.count);
     for first in (0..options.count).step_by(environments) {
@@ -49,6 +50,9 @@ pub fn collect(
                 for index in 0..count {
                     if recorder.records(index, step) {
                         recorder.sense(index, &records[(from + index) * width..][..width]);
+                        // A log ends with its robot's first episode, so the motion stays as it was turned at the start.
+                        let time = f64::from(step - 1) * dt;
+                        recorder.follow(index, MotionPlace { time, ..environment.motion_place(index) });
                     }
                     let taken = &action[index * actions..][..actions];
                     let fell = done[from + index] != 0.0;

@@ -40,6 +40,8 @@ pub struct Packed {
     pub critic_past: Vec<f32>,
     /// Ways on generated ground, a row a number; empty without.
     pub ways: Vec<f32>,
+    /// Angles by which the motion is turned, rad; empty if the policy follows none.
+    pub turned: Vec<f32>,
 }
 
 impl Packed {
@@ -89,6 +91,7 @@ impl Packed {
             past: past(0, &scene.task.walker.observation),
             critic_past: past(1, &scene.task.walker.critic_observation),
             ways: rows(if scene.task.course.is_some() { 3 } else { 0 }, &|one, k| one.way[k]),
+            turned: rows(usize::from(scene.follows()), &|one, _| one.turned),
         }
     }
 
@@ -119,7 +122,7 @@ impl Packed {
                     fresh: self.fresh[e] != 0,
                 },
                 steps: self.steps[e],
-                turned: 0.0,
+                turned: self.turned.get(e).copied().unwrap_or_default(),
                 command: std::array::from_fn(|k| row(&self.command, k, e)),
                 last_action: (0..scene.actions()).map(|k| row(&self.last_action, k, e)).collect(),
                 feet: feet

@@ -33,7 +33,7 @@ const RECORDERS: u32 = 128;
 /// Numbers of a base in the array `motion`: position, orientation, velocity, rates.
 pub(super) const BASE_NUMBERS: usize = 13;
 /// Arrays that observations are made from, and those that they go to.
-const OBSERVED: [&str; 13] = [
+const OBSERVED: [&str; 14] = [
     "control",
     "robot_state",
     "robot_params",
@@ -47,6 +47,8 @@ const OBSERVED: [&str; 13] = [
     "critic_past",
     "observation",
     "critic_observation",
+    // Launches leave out arrays that a plan does not have.
+    "turned",
 ];
 
 /// Numbers that kernels read before a rollout: number of the first step, the seed, the ranges of commands (forward,
@@ -136,6 +138,13 @@ impl Plan {
         ] {
             arrays.push(Array { name, kind, length });
             homes.push(home);
+        }
+        if scene.follows() {
+            // Angles by which motions are turned, rad, and distances of the joints from them, rad.
+            for (name, length) in [("turned", environments), ("motion_errors", only(Mode::Trials, rows))] {
+                arrays.push(Array { name, kind: Kind::F32, length });
+                homes.push(own);
+            }
         }
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
@@ -254,6 +263,8 @@ impl Plan {
             "past",
             "critic_past",
             "held",
+            "turned",
+            "motion_errors",
         ];
         let mut launch = self.launch("finish", Some(step), &arrays);
         // The grid stays: a block still has the same number of environments.
@@ -272,6 +283,7 @@ impl Plan {
             "last_action",
             "critic_past",
             "tail",
+            "turned",
         ];
         self.columns(self.launch("observe_end", None, &arrays), self.terms[1])
     }
@@ -318,6 +330,7 @@ impl Plan {
             "feet",
             "returns",
             "ways",
+            "turned",
         ];
         let observe = self.launch("observe_chosen", None, &[&["chosen"], &OBSERVED[..]].concat());
         let observe = self.columns(observe, self.terms[0] + self.terms[1]);

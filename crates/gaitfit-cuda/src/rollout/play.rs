@@ -185,6 +185,15 @@ impl<'a> Play<'a> {
         Ok(self.rollout.errors(self.learner.stream())?)
     }
 
+    /// Distance of each robot's joints from the motion that the policy follows, rad, of [`Mode::Trials`];
+    /// `steps × environments`, or empty if the policy follows none.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn motion_errors(&self) -> Result<Vec<f32>, RolloutError> {
+        Ok(self.rollout.motion_errors(self.learner.stream())?)
+    }
+
     /// Position (m) and orientation (wxyz) of each base after each of these steps, of [`Mode::Trials`]; `steps × environments × 7`.
     ///
     /// # Errors

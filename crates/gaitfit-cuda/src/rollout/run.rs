@@ -205,6 +205,19 @@ impl<'a> Rollout<'a> {
         self.read(stream, "errors")
     }
 
+    /// Root-mean-square distance of the joints from the motion that the policy follows, rad, after every step of every
+    /// environment of trials; empty if the policy follows none.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn motion_errors(&self, stream: &Stream) -> Result<Vec<f32>, CudaError> {
+        if self.task.walker.observation.follows() {
+            self.read(stream, "motion_errors")
+        } else {
+            Ok(Vec::new())
+        }
+    }
+
     /// Position (m) and orientation (wxyz) of the base after every step of every environment of trials.
     ///
     /// # Errors
@@ -236,6 +249,7 @@ impl<'a> Rollout<'a> {
             ("past", &packed.past),
             ("critic_past", &packed.critic_past),
             ("ways", &packed.ways),
+            ("turned", &packed.turned),
         ] {
             self.write(stream, name, numbers)?;
         }
@@ -282,6 +296,7 @@ impl<'a> Rollout<'a> {
             past: self.read(stream, "past")?,
             critic_past: self.read(stream, "critic_past")?,
             ways: self.read(stream, "ways")?,
+            turned: self.read(stream, "turned")?,
         };
         Ok(packed.snapshots(&self.scene()?))
     }

@@ -13,7 +13,6 @@ use crate::emit::{Class, EmitOptions};
 use crate::physics::{Period, PeriodOptions};
 use crate::ppo::check_networks;
 use crate::spots::{Spot, Spots};
-use crate::words::unobserved;
 
 /// Purpose of rollouts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,10 +67,6 @@ pub struct Scene<'a> {
 pub fn check(task: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), RolloutError> {
     check_robots(candidates)?;
     check_rewards(task)?;
-    let layouts = [&task.walker.observation, &task.walker.critic_observation];
-    if let Some(what) = layouts.into_iter().find_map(unobserved) {
-        return Err(RolloutError::Unsupported(what));
-    }
     Ok(check_networks(learner)?)
 }
 
@@ -186,6 +181,12 @@ impl<'a> Scene<'a> {
     /// Numbers of an action.
     pub(super) fn actions(&self) -> usize {
         self.task.walker.joints.len()
+    }
+
+    /// Whether actor or critic observe a motion that the policy follows.
+    pub(super) fn follows(&self) -> bool {
+        let walker = &self.task.walker;
+        walker.observation.follows() || walker.critic_observation.follows()
     }
 
     /// Numbers that are recorded of a robot before a step.

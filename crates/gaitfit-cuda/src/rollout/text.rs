@@ -29,6 +29,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     writer.task(scene);
     writer.robot(scene);
     writer.rows(scene);
+    let walker = &scene.task.walker;
+    let motion = writer.reference(walker, &walker.observation, Some(&walker.critic_observation));
     let mut text = writer.text;
     for part in [
         include_str!("kernels/draws.cu"),
@@ -36,6 +38,8 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/course.cu"),
         include_str!("kernels/robot.cu"),
         include_str!("kernels/sensors.cu"),
+        include_str!("kernels/turns.cu"),
+        include_str!("kernels/reference.cu"),
         include_str!("kernels/observe.cu"),
         include_str!("kernels/targets.cu"),
         include_str!("kernels/falls.cu"),
@@ -53,7 +57,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     if scene.recorded() > 0 {
         text.push_str(include_str!("kernels/record.cu"));
     }
-    let program = Program::new("rollout", text).option("-fmad=false");
+    let program = motion.fill(Program::new("rollout", text).option("-fmad=false"));
     if heights.is_empty() { program } else { program.table(GROUND_HEIGHTS, heights) }
 }
 

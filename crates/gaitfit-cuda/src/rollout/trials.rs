@@ -48,7 +48,7 @@ pub fn run_trials(
                 return Ok(None);
             }
             let played = play.advance(from)?;
-            let errors = play.errors()?;
+            let (errors, motion_errors) = (play.errors()?, play.motion_errors()?);
             for (row, step) in (from..=last).take(steps).enumerate() {
                 let state = |index: usize| {
                     let at = row * environments + index;
@@ -56,6 +56,7 @@ pub fn run_trials(
                 };
                 let width = environments * joints;
                 trials.take(step, &played.action[row * width..][..width], state);
+                trials.take_motion(|index| motion_errors.get(row * environments + index).copied());
             }
             subject.count(environments.min(count - first) * steps.min((last - from + 1) as usize));
         }

@@ -6,6 +6,7 @@ mod several;
 use std::sync::Mutex;
 use std::time::Instant;
 
+use crate::motions::{following, observing};
 use gaitfit_cuda::fit::{Begin, Candidates, Compared, Measured, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -13,7 +14,7 @@ use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::network::{Cell, Network, Recurrent, RecurrentShape, Shape};
-use gaitfit_policy::{Front, Policy};
+use gaitfit_policy::{Front, MotionPlace, Policy, Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 
 fn asset(name: &str) -> String {
@@ -26,11 +27,13 @@ fn go2() -> Model {
 
 fn walking(substeps: usize) -> (Task, Policy) {
     let policy = gaitfit_policy_files::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+    (task_of(&policy, substeps), policy)
+}
+
+fn task_of(policy: &Policy, substeps: usize) -> Task {
     let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
     settings.substeps = substeps;
-    let task =
-        Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.0).unwrap();
-    (task, policy)
+    Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.0).unwrap()
 }
 
 fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
@@ -216,6 +219,48 @@ fn gpu_candidates_remember_as_the_cpus() {
             for (row, want) in values.chunks_exact(dimensions).zip(&rows(want, 12)).take(6) {
                 let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
                 assert!(error < 1e-2, "{}: off by {error}", cell.name());
+            }
+        }
+    }
+}
+
+/// Policies that follow a motion, and one that also observes the action before the last: the first samples are the
+/// CPU's. One robot is reset.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_candidates_walk_along_a_motion_as_the_cpus() {
+    let device = Device::open(0).unwrap();
+    let (_, walk) = walking(4);
+    let motion = following(&walk, 37.0, 30);
+    let earlier = observing(&motion, vec![Term::new(Quantity::EarlierAction)]);
+    for (label, policy, reset_every) in [("motion", motion, Some(1)), ("earlier action", earlier, None)] {
+        let task = task_of(&policy, 4);
+        let mut scripts = scripts(&task, &policy, 9, 40);
+        for (number, script) in scripts.iter_mut().enumerate() {
+            let place = |row: usize| MotionPlace { time: 0.02 * row as f64 - 0.1, heading: number as f64 };
+            script.motion = (0..script.commands.len()).map(place).collect();
+            script.turned_back = 0.3;
+        }
+        let subject = Subject::Walk(&task.walker, &policy);
+        let job = |number: usize| Job {
+            candidate: robot(number, &[]),
+            reset_every: if number == 0 { reset_every } else { None },
+            seed: number as u64,
+        };
+        let jobs: Vec<Job> = (0..5).map(job).collect();
+        let wanted = tracks(&task, &policy, &scripts, &jobs);
+        let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
+        let mut candidates = Candidates::new(&device, tables, 4).unwrap();
+        let signals = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
+        let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+            signals.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
+        };
+        candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
+        let dimensions = subject.dimensions();
+        for (e, (values, want)) in signals.into_inner().unwrap().iter().zip(&wanted).enumerate() {
+            for (row, want) in values.chunks_exact(dimensions).zip(&rows(want, 12)).take(6) {
+                let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+                assert!(error < 1e-2, "{label}: environment {e} is off by {error}");
             }
         }
     }

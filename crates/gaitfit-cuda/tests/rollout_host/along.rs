@@ -200,7 +200,7 @@ pub fn flat(snapshot: &Snapshot) -> Vec<f32> {
         .chain([&snapshot.way.to_vec(), &snapshot.past[0], &snapshot.past[1]])
         .flatten()
         .copied()
-        .chain([snapshot.steps as f32, f32::from(u8::from(robot.fresh))])
+        .chain([snapshot.steps as f32, f32::from(u8::from(robot.fresh)), snapshot.turned])
         .collect()
 }
 
@@ -241,6 +241,7 @@ pub fn inputs(start: &Packed, params: &[f32], candidate: &Candidate) -> HashMap<
         ("past", f(&start.past)),
         ("critic_past", f(&start.critic_past)),
         ("ways", f(&start.ways)),
+        ("turned", f(&start.turned)),
     ];
     files.map(|(name, bytes)| (name.to_owned(), bytes)).into()
 }
@@ -298,6 +299,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
         "past",
         "critic_past",
         "ways",
+        "turned",
     ];
     let mut statements = fill(&plan.program, &mut files);
     statements.push_str(&call(&plan.begin()));
@@ -324,7 +326,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
             statements.push_str(&take(arrays, "robot_targets", &format!("moved{t}")));
         }
         statements.push_str(&call(&plan.finish(t)));
-        for name in kept {
+        for name in kept.into_iter().filter(|name| plan.array(name).is_some()) {
             statements.push_str(&keep(arrays, name, &format!("begun{t}")));
         }
     }
@@ -414,6 +416,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
             past: numbers("past"),
             critic_past: numbers("critic_past"),
             ways: numbers("ways"),
+            turned: plan.array("turned").map_or_else(Vec::new, |_| numbers("turned")),
         };
         for (e, (got, want)) in packed.snapshots(&scene).iter().zip(&step.begun).enumerate() {
             check(&format!("environment {e}"), t, &flat(got), &flat(want), 3e-6);

@@ -1,13 +1,13 @@
 //! What the kernels record of a policy's walks, as C++, and what the CPU does.
 
 use super::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, go2, inputs, lively, params};
-use crate::host::{bytes, call, execute, floats, keep, take};
+use crate::host::{bytes, call, execute, fill, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::collect::{CollectOptions, Recorder, sensed, sensed_width};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
 use gaitfit_physics::Preset;
-use gaitfit_policy::ActionClip;
+use gaitfit_policy::{ActionClip, MotionPlace};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Sensors};
 
@@ -21,6 +21,12 @@ const FIRST: u32 = 1037;
 #[test]
 #[ignore = "needs g++"]
 fn cxx_logs_are_the_cpus() {
+    let (task, candidate) = fitted();
+    compare(&task, &candidate);
+}
+
+/// A robot with errors of its sensors, and its task.
+fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
     settings.fall.tilt = 12.0;
@@ -35,17 +41,16 @@ fn cxx_logs_are_the_cpus() {
     candidate.robot.velocity_lag = 0.004;
     candidate.robot.imu_delay = 0.007;
     candidate.sensors = Sensors { imu_tilt: [0.06, -0.04], gyro_bias: [0.1, -0.15, 0.05] };
-    let candidates = std::slice::from_ref(&candidate);
+    (task, candidate)
+}
+
+/// Holds the records of a task's walks against the CPU.
+pub fn compare(task: &Task, candidate: &Candidate) {
+    let candidates = std::slice::from_ref(candidate);
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
     let policy = gaitfit_policy_files::read(policy.as_ref()).unwrap();
-    let subject = Subject {
-        task: &task,
-        policy: &policy,
-        candidate: Some(&candidate),
-        seed: SEED,
-        cancel: None,
-        moved: None,
-    };
+    let subject =
+        Subject { task, policy: &policy, candidate: Some(candidate), seed: SEED, cancel: None, moved: None };
     let dt = task.walker.interface.control_dt;
     let options = CollectOptions {
         count: ENVIRONMENTS,
@@ -53,10 +58,10 @@ fn cxx_logs_are_the_cpus() {
         shift: [0.0, 6.0 * dt],
         privileged: true,
     };
-    let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
+    let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let (networks, mode) = (NETWORKS, Mode::Logs);
     let sizes = Sizes { steps: STEPS, environments: ENVIRONMENTS, networks, gamma: 1.0, remembered: 0, mode };
-    let scene = Scene::new(&task, &period, sizes).unwrap();
+    let scene = Scene::new(task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let actions = task.walker.joints.len();
     let (width, joints) = (ENVIRONMENTS * actions, task.walker.default_pose.len());
@@ -65,11 +70,12 @@ fn cxx_logs_are_the_cpus() {
     let tiles = ENVIRONMENTS.div_ceil(period.layout().environments());
 
     // The CPU.
-    let mut environment = Environment::new(&task, Some(&candidate), SEED, FIRST, ENVIRONMENTS).unwrap();
+    let mut environment = Environment::new(task, Some(candidate), SEED, FIRST, ENVIRONMENTS).unwrap();
     let all = |environment: &mut Environment<'_>| -> Vec<Snapshot> {
         (0..ENVIRONMENTS).map(|index| environment.snapshot(index)).collect()
     };
     let start = Packed::new(&scene, &all(&mut environment), tiles);
+    let start_place: Vec<_> = (0..ENVIRONMENTS).map(|index| environment.motion_place(index)).collect();
     let mut wanted = Recorder::new(&subject, &options, FIRST, ENVIRONMENTS);
     assert!(wanted.last() as usize <= STEPS && wanted.last() as usize > STEPS - 6);
     let (mut moved, mut row) = (Vec::new(), Vec::new());
@@ -77,8 +83,9 @@ fn cxx_logs_are_the_cpus() {
         let number = t as u32 + 1;
         for index in 0..ENVIRONMENTS {
             if wanted.records(index, number) {
-                sensed(&task, &environment, index, &mut row);
+                sensed(task, &environment, index, &mut row);
                 wanted.sense(index, &row);
+                wanted.follow(index, environment.motion_place(index));
             }
         }
         let (mut reward, mut ended) = (vec![0.0; ENVIRONMENTS], vec![Ended::No; ENVIRONMENTS]);
@@ -97,7 +104,7 @@ fn cxx_logs_are_the_cpus() {
     let robots = task.robots(candidates, SEED, FIRST, ENVIRONMENTS).unwrap();
     let quiet = [vec![f32::NAN; NETWORKS], vec![-1e4; actions]].concat();
     let ranges = task.settings.command.ranges(1.0);
-    let mut files = inputs(&start, &params(&period, &robots), &candidate);
+    let mut files = inputs(&start, &params(&period, &robots), candidate);
     for (name, bytes) in [
         ("mean", f(&mean)),
         ("parameters", f(&quiet)),
@@ -105,7 +112,8 @@ fn cxx_logs_are_the_cpus() {
     ] {
         files.insert(name.to_owned(), bytes);
     }
-    let mut statements = call(&plan.begin());
+    let mut statements = fill(&plan.program, &mut files);
+    statements.push_str(&call(&plan.begin()));
     for (t, moved) in moved.iter().enumerate() {
         let packed = Packed::new(&scene, moved, tiles);
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
@@ -135,6 +143,9 @@ fn cxx_logs_are_the_cpus() {
             let at = t * ENVIRONMENTS + index;
             if recorder.records(index, number) {
                 recorder.sense(index, &records[at * row..][..row]);
+                // As `gaitfit_cuda::rollout::collect` does it: the motion is turned at a log's start.
+                let time = t as f64 * dt;
+                recorder.follow(index, MotionPlace { time, ..start_place[index] });
             }
             let own = &action[at * actions..][..actions];
             recorder.act(index, number, own, &targets[index * joints..][..joints], done[at] != 0.0);

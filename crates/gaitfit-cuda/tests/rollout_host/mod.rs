@@ -3,6 +3,7 @@
 
 mod along;
 mod logs;
+mod policies;
 mod stepwise;
 mod trials;
 

@@ -94,7 +94,7 @@ fn motion(environment: &Environment<'_>, task: &Task) -> Vec<f32> {
 }
 
 /// The arrays that hold a state.
-const STATE: [&str; 13] = [
+const STATE: [&str; 14] = [
     "robot_state",
     "robot_targets",
     "robot_memory",
@@ -108,10 +108,11 @@ const STATE: [&str; 13] = [
     "past",
     "critic_past",
     "ways",
+    "turned",
 ];
 
-/// The state in the files of a run, by their reader.
-fn state(read: &dyn Fn(&str) -> Vec<u8>) -> Packed {
+/// The state in the files of a run, by their reader. `follows`: whether the policy follows a motion.
+fn state(read: &dyn Fn(&str) -> Vec<u8>, follows: bool) -> Packed {
     let f = |name: &str| floats(&read(name));
     let w = |name: &str| -> Vec<u32> {
         read(name).chunks_exact(4).map(|b| u32::from_ne_bytes(b.try_into().unwrap())).collect()
@@ -130,11 +131,12 @@ fn state(read: &dyn Fn(&str) -> Vec<u8>) -> Packed {
         past: f("past"),
         critic_past: f("critic_past"),
         ways: f("ways"),
+        turned: if follows { f("turned") } else { Vec::new() },
     }
 }
 
 /// With `again` the state is also taken to the CPU amid the steps, and back to the kernels, which go on from there.
-fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
+pub fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     let candidates = std::slice::from_ref(candidate);
     let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let sizes = Sizes {
@@ -254,7 +256,8 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
         }
         step_once(&mut statements, &mut files, t, step);
         if t == READ {
-            keep_all(&mut statements, &STATE, "read");
+            let there: Vec<&str> = STATE.into_iter().filter(|name| plan.array(name).is_some()).collect();
+            keep_all(&mut statements, &there, "read");
         }
     }
     statements.push_str(&call(&plan.motion()));
@@ -381,7 +384,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate, again: bool) {
     }
 
     // The CPU's environments take up the state, as `Stepper::state` gives it, and observe what the kernels did.
-    let mut read_state = state(&|name| read(name, "read")).snapshots(&scene);
+    let mut read_state = state(&|name| read(name, "read"), plan.array("turned").is_some()).snapshots(&scene);
     read_state.iter_mut().for_each(|one| before_rows(task, one));
     let mut mirror = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
     for (index, one) in read_state.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Steps of a policy's trajectories by the kernels, as C++, and by the CPU's environment.
 
 use super::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, inputs, lively, params};
-use crate::host::{bytes, call, execute, floats, keep, take};
+use crate::host::{bytes, call, execute, fill, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::evaluate::{Subject, Trials, trial_environments};
 use gaitfit_learn::task::{Ended, Snapshot, Task};
@@ -20,6 +20,8 @@ struct Step {
     reward: Vec<f32>,
     ended: Vec<Ended>,
     errors: Vec<[f32; 2]>,
+    /// Distances from the motion, where the policy follows one.
+    off: Vec<Option<f32>>,
 }
 
 /// Environments that are not the first, commands that stay though the task draws new ones every four steps, episodes of
@@ -29,13 +31,17 @@ struct Step {
 fn cxx_steps_of_trajectories_are_the_cpus() {
     let mut settings = lively("velocity");
     settings.fall.tilt = 12.0;
-    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    compare(&Task::new(&go2(), &settings, Preset::Fast).unwrap());
+}
+
+/// Holds the kernels of trajectories of a task against the CPU.
+pub fn compare(task: &Task) {
     let candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&go2()) };
     let policy = gaitfit_policy_files::read(
         concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref(),
     );
     let subject = Subject {
-        task: &task,
+        task,
         policy: &policy.unwrap(),
         candidate: Some(&candidate),
         seed: SEED,
@@ -43,7 +49,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         moved: None,
     };
     let candidates = std::slice::from_ref(&candidate);
-    let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
+    let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
     let sizes = Sizes {
         steps: STEPS,
         environments: ENVIRONMENTS,
@@ -52,7 +58,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         remembered: 0,
         mode: Mode::Trials,
     };
-    let scene = Scene::new(&task, &period, sizes).unwrap();
+    let scene = Scene::new(task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let actions = task.walker.joints.len();
     let width = ENVIRONMENTS * actions;
@@ -74,8 +80,10 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         environment.observe(number, &mut observation);
         environment.step(number, means, &mut reward, &mut ended);
         let errors = (0..ENVIRONMENTS).map(|index| environment.tracking_error(index)).collect();
-        let step = Step { moved: all(&mut environment), observation, reward, ended, errors };
+        let off = (0..ENVIRONMENTS).map(|index| environment.motion_error(index)).collect();
+        let step = Step { moved: all(&mut environment), observation, reward, ended, errors, off };
         wanted.take(number, means, |index| (step.reward[index], step.ended[index], step.errors[index]));
+        wanted.take_motion(|index| step.off[index]);
         steps.push(step);
     }
     let wanted = wanted.finish();
@@ -92,7 +100,8 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     ] {
         files.insert(name.to_owned(), bytes);
     }
-    let mut statements = call(&plan.begin());
+    let mut statements = fill(&plan.program, &mut files);
+    statements.push_str(&call(&plan.begin()));
     for (t, step) in steps.iter().enumerate() {
         let packed = Packed::new(&scene, &step.moved, tiles);
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
@@ -103,13 +112,17 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{t}")));
         statements.push_str(&call(&plan.finish(t)));
     }
-    for name in ["observation", "action", "reward", "done", "errors", "bases", "command"] {
+    let follows = task.walker.observation.follows();
+    let of_motion = follows.then_some("motion_errors");
+    for name in
+        ["observation", "action", "reward", "done", "errors", "bases", "command"].into_iter().chain(of_motion)
+    {
         statements.push_str(&keep(&plan.arrays, name, "out"));
     }
     let folder = execute(&plan.program.text, &plan.arrays, &files, &[], &statements);
     let out = |name: &str| floats(&std::fs::read(folder.path().join(format!("{name}.out"))).unwrap());
     let (action, reward, done, errors) = (out("action"), out("reward"), out("done"), out("errors"));
-    let bases = out("bases");
+    let (bases, off) = (out("bases"), of_motion.map(out));
     assert!(action == mean, "actions are not the means");
     // Robots that have fallen begin anew here, which does not count.
     let seen = out("observation");
@@ -132,6 +145,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
             (reward[at], ended, [errors[2 * at], errors[2 * at + 1]])
         };
         trials.take(t as u32 + 1, &action[t * width..(t + 1) * width], state);
+        trials.take_motion(|index| off.as_ref().map(|off| off[t * ENVIRONMENTS + index]));
         step.ended.iter().zip(&mut fallen).for_each(|(ended, fallen)| *fallen |= *ended == Ended::Fall);
     }
     let near = |got: f64, want: f64| assert!((got - want).abs() < 1e-5 * want.abs().max(1.0), "{got} {want}");
@@ -142,6 +156,8 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
         near(got.linear_velocity_error, want.linear_velocity_error);
         near(got.angular_velocity_error, want.angular_velocity_error);
         assert_eq!(got.action_rate, want.action_rate);
+        assert_eq!((got.motion_error.is_some(), want.motion_error.is_some()), (follows, follows));
+        near(got.motion_error.unwrap_or_default(), want.motion_error.unwrap_or_default());
         falls += usize::from(got.fell);
     }
     println!("{falls} of {ENVIRONMENTS} robots fell");

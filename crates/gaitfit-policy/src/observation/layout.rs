@@ -18,13 +18,21 @@ pub struct Slot {
     /// Factors, as [`Term::scale`] has them.
     scale: Vec<f32>,
     /// Control periods by which the reference motion is read ahead.
-    ahead: usize,
+    pub ahead: usize,
 }
 
 impl Slot {
     /// Numbers of one frame.
     fn width(&self) -> usize {
         self.present.len()
+    }
+
+    /// The factor of number `index` of a frame.
+    fn factor(&self, index: usize) -> f32 {
+        match self.scale[..] {
+            [one] => one,
+            _ => self.scale.get(index).copied().unwrap_or(1.0),
+        }
     }
 }
 
@@ -76,13 +84,9 @@ impl Layout {
         let width = interface.width(terms);
         let find = |quantity: Quantity| slots.iter().find(|slot: &&Slot| slot.quantity == quantity);
         // The action before the last is read from the row before, where it is the last action.
-        let last_action = find(Quantity::EarlierAction).and(find(Quantity::LastAction)).map(|slot| {
-            let factor = |joint: usize| match slot.scale[..] {
-                [one] => one,
-                _ => slot.scale.get(joint).copied().unwrap_or(1.0),
-            };
-            (slot.present.start, (0..joints).map(factor).collect())
-        });
+        let last_action = find(Quantity::EarlierAction)
+            .and(find(Quantity::LastAction))
+            .map(|slot| (slot.present.start, (0..joints).map(|joint| slot.factor(joint)).collect()));
         let follows = terms.iter().any(|term| term.quantity.is_of_reference());
         let follower = if follows { Follower::new(interface) } else { None };
         Self { width, start: interface.history.start, last_action, default_pose, follower, slots }
@@ -103,6 +107,11 @@ impl Layout {
     pub fn frames(&self) -> usize {
         let frames = self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1);
         frames + usize::from(self.last_action.is_some())
+    }
+
+    /// Whether the observation has a quantity of the motion that the policy follows.
+    pub fn follows(&self) -> bool {
+        self.follower.is_some()
     }
 
     /// Angle by which the motion is turned to face as the robot does, for [`crate::MotionPlace::heading`], rad. `sensed` needs
@@ -140,7 +149,8 @@ impl Layout {
     }
 
     /// The `past` from which [`Layout::write`] wrote `row`: its frames moved back by one. Of the oldest frames, which `row` no
-    /// longer holds and no later row needs, it has copies of the next ones.
+    /// longer holds and no later row needs, it has copies of the next ones. If the row has no older frame of the last
+    /// action, the `past` has it from the action before, rounded.
     ///
     /// # Panics
     /// If `row` is shorter than [`Layout::width`]: an error of the caller.
@@ -152,7 +162,24 @@ impl Layout {
                 past[pair[1]..pair[1] + slot.width()].copy_from_slice(&row[pair[0]..pair[0] + slot.width()]);
             }
         }
+        self.restore_last_action(row, &mut past);
         past
+    }
+
+    /// Puts into `past` the last action that `row` has as the action before the last.
+    fn restore_last_action(&self, row: &[f32], past: &mut [f32]) {
+        let Some((place, factors)) = &self.last_action else { return };
+        let has_older = |slot: &Slot| slot.quantity == Quantity::LastAction && slot.frames.len() > 1;
+        if self.slots.iter().any(has_older) {
+            return;
+        }
+        let earlier = || self.slots.iter().filter(|slot| slot.quantity == Quantity::EarlierAction);
+        for (joint, factor) in factors.iter().enumerate() {
+            // A term with the factor 0 does not show the action.
+            if let Some(slot) = earlier().find(|slot| slot.factor(joint) != 0.0) {
+                past[place + joint] = row[slot.present.start + joint] / slot.factor(joint) * factor;
+            }
+        }
     }
 
     /// Writes the row of a robot.

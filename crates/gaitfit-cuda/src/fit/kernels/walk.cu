@@ -27,6 +27,14 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
     return ends;
 }
 
+#if FOLLOWS
+// The place in the motion at a sample of a recording, or `earlier` samples before it. `numbers` of the sample: its
+// time (s), and the angle (rad) by which the motion is turned for robots that are reset and for others.
+DEVICE MotionPlace place_at(const double* numbers, u32 earlier, bool resets) {
+    return {numbers[0] - (double)earlier * CONTROL_DT, numbers[resets ? 1 : 2]};
+}
+#endif
+
 // Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
 // `actions`: the log's, recordings x samples x their width. `starts`: `each` states for every recording. `begins`: for each
 // candidate, the number of its start among those `each`. `every`: for each candidate, the samples between resets, or 0.
@@ -34,11 +42,13 @@ DEVICE bool ends_here(const float* state, const float* report, u32 e) {
 // `recurrent`: what the policy remembers of each environment.
 // For robots that make logs, `starts` has one state and `begins` one number for each environment. The number counts the samples
 // that the robot walks under the first command before the recording begins.
+// `motion_places`: recordings x samples x 3, as for `place_at`.
 KERNEL walk(
     u32 sample, u32 count, u32 places, u32 recordings, u32 samples, u32 each, const u32* lengths, const float* commands,
     const float* starts, const u32* begins, const float* states, const float* actions, const u32* every, const float* imus,
     const float* network, const float* params, const float* report, float* state, float* targets, float* memory,
     float* last_action, float* past, float* recurrent, float* signals, u32* ends
+    FOLLOWING(const double* motion_places)
 ) {
     POOL(pool);
     float *first = pool, *second = first + WIDEST * ROWS, *kept = second + WIDEST * ROWS;
@@ -123,7 +133,10 @@ KERNEL walk(
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
             part.term, part.from, part.from + 4, SCALES, nullptr, HAS_PAST && sample > 0 ? past + (u64)e * OBSERVATION : nullptr, state, params, memory, sample, imu[r], command,
-            last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
+            last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION
+            FOLLOWING(place_at(
+                motion_places + 3 * ((u64)recording[r] * samples + now), here < before[r] ? before[r] - here : 0,
+                every[source_of(e, count) / recordings] > 0)));
     }
     __syncthreads();
     // For the frames of the next row.

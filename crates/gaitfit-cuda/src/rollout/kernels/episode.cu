@@ -14,17 +14,9 @@ DEVICE void draw_command(const u32* control, u32 e, u32 step, float* command) {
             standing ? 0.0f : (float)within(draws, k, command_end(control, 2 * k), command_end(control, 2 * k + 1));
 }
 
-struct Quat {
-    double w, x, y, z;
-};
 struct Vec {
     double x, y, z;
 };
-DEVICE Quat product(Quat a, Quat b) {
-    return {
-        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
-        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
-}
 DEVICE Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 DEVICE Vec rotated(Quat q, Vec v) {
     Vec u = {q.x, q.y, q.z}, t = cross(u, v);
@@ -34,10 +26,6 @@ DEVICE Vec rotated(Quat q, Vec v) {
 }
 DEVICE Vec sum(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 DEVICE Vec difference(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-DEVICE Quat turn(int axis, double angle) {
-    double s = sin(0.5 * angle), c = cos(0.5 * angle);
-    return {c, axis == 0 ? s : 0.0, axis == 1 ? s : 0.0, axis == 2 ? s : 0.0};
-}
 
 // How high the base's origin must be over x, y of `place` for shape `k` to touch the ground: on flat ground over its
 // plane. `moves` holds cos and sin of half of each hinge's angle from its reference; of a slide zero and how far it is from
@@ -98,7 +86,7 @@ struct Placing {
 // A new episode of environment `e` that begins at `step`: all threads of the block share the work.
 DEVICE void start_episode(
     const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* memory, float* command,
-    const float* ways
+    const float* ways FOLLOWING(float* turned)
 ) {
     Draws draws = draws_of(control, RESET_DRAWS, e, step);
     double place[2];
@@ -147,4 +135,7 @@ DEVICE void start_episode(
     STATE(QUATERNION + 2) = (float)q.y;
     STATE(QUATERNION + 3) = (float)q.z;
     draw_command(control, e, step, command);
+#if FOLLOWS
+    turned[e] = turn_of_episode(state, e);
+#endif
 }

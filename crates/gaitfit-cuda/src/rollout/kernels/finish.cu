@@ -32,7 +32,7 @@ DEVICE void forget_episode(u32* fresh, float* last_action, float* feet, u32 e) {
 // New episodes from `step` on of those environments of the block that begin anew: all its threads share the work.
 DEVICE void start_episodes(
     const u32* control, u32 step, const u32* begins, Placing& placing, float* state, float* report, float* memory,
-    float* command, const float* ways
+    float* command, const float* ways FOLLOWING(float* turned)
 ) {
     __syncthreads();
     u32 any = 0;
@@ -41,7 +41,8 @@ DEVICE void start_episodes(
     if (!any) return;
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;
-        start_episode(control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways);
+        start_episode(
+            control, blockIdx.x * THREADS + k, step, placing, state, report, memory, command, ways FOLLOWING(turned));
         __syncthreads();
     }
 }
@@ -106,7 +107,7 @@ DEVICE bool finish_step(
     u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut, float* tail, double* tally,
     float* errors, float* bases, unsigned char* ends, float* last_observation, const float* memory, const float* imu, float* ways,
     const float* past, const float* critic_past, const u32* held, const Moment& m, const float terms[][THREADS], u32 lane,
-    u32 age, bool whole, bool broken
+    u32 age, bool whole, bool broken FOLLOWING(const float* turned, float* motion_errors)
 ) {
     u32 e = m.e, number = control[FIRST_STEP] + step;
     u64 row = (u64)step * ENVIRONMENTS + e;
@@ -144,6 +145,9 @@ DEVICE bool finish_step(
     errors[2 * row] = off[0], errors[2 * row + 1] = off[1];
     Base reached = base_of(state, e);
     for (int k = 0; k < 7; k++) bases[7 * row + k] = k < 3 ? reached.position[k] : reached.quaternion[k - 3];
+#if FOLLOWS && ACTOR_FOLLOWS
+    motion_errors[row] = distance_from_motion(state, params, place_of(age, 0.0f).time, e);
+#endif
 #endif
     // Trials are told of a robot that diverged by a reward that is no number; for the learner it fell.
     reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
@@ -157,7 +161,9 @@ DEVICE bool finish_step(
     // Held robots stay as they are, but a state that is not finite cannot be stepped further.
     bool begins = ended != GOES_ON && (broken || !held[0]);
     if (ended != GOES_ON && !held[0])
-        write_last_row(control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1, last_observation);
+        write_last_row(
+            control, state, params, memory, age, imu, command, last_action, past, broken, e, number + 1,
+            last_observation FOLLOWING(turned[e]));
 #else
     bool begins = ended != GOES_ON;
     u32 slot = step / EPISODE_STEPS_MAX;
@@ -170,7 +176,7 @@ DEVICE bool finish_step(
         cut[slot * ENVIRONMENTS + e] = step + 1;
         write_critic_row(
             state, params, age, command, last_action, critic_past, e,
-            tail + ((u64)(1 + slot) * ENVIRONMENTS + e) * CRITIC_ROW.width);
+            tail + ((u64)(1 + slot) * ENVIRONMENTS + e) * CRITIC_ROW.width FOLLOWING(turned[e]));
     }
 #endif
     if (ended != GOES_ON) {
@@ -201,6 +207,7 @@ KERNEL finish(
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
     float* tail, double* tally, float* errors, float* bases, unsigned char* ends, float* last_observation, float* memory, const float* imu,
     float* ways, const float* past, const float* critic_past, const u32* held
+    FOLLOWING(float* turned, float* motion_errors)
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -226,8 +233,10 @@ KERNEL finish(
         begins[lane] = finish_step(
             step, control, state, params, report, reward, done, steps, fresh, command, last_action, feet, returns, cut, tail,
             tally, errors, bases, ends, last_observation, memory, imu, ways, past, critic_past, held, m, terms, lane, age, whole,
-            broken) ? 1 : 0;
-    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command, ways);
+            broken FOLLOWING(turned, motion_errors)) ? 1 : 0;
+    start_episodes(
+        control, control[FIRST_STEP] + step + 1, begins, placing, state, report, memory, command,
+        ways FOLLOWING(turned));
 }
 
 // Before a rollout: sums of 0, no episode cut off.

@@ -2,11 +2,13 @@
 
 // Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row, in all frames; `from` is a
 // multiple of 4. `scales`: those of the row. `noise`: draws of this environment and step, or none. `past`: the row of the
-// step before, whose frames move up, or none at an episode's start; it may be `out`. `memory` and `imu`: errors of this
-// robot's sensors, or none; `command` and `last_action`: this robot's; all have their numbers `apart` from each other.
+// step before, whose frames move up, or none at an episode's start; it may be `out` unless an earlier action is
+// observed. `memory` and `imu`: errors of this robot's sensors, or none; `command` and `last_action`: this robot's;
+// all have their numbers `apart` from each other. `where`: its place in the motion that its policy follows.
 DEVICE void write_term(
     int number, int from, int until, const float* scales, const Draws* noise, const float* past, const float* state, const float* params,
     const float* memory, u32 steps, const float* imu, const float* command, const float* last_action, u32 apart, u32 e, float* out
+    FOLLOWING(MotionPlace where)
 ) {
     Term term = TERMS[number];
     Base base;
@@ -45,6 +47,16 @@ DEVICE void write_term(
         case CONSTANT: vector[0] = 1.0f; break;
         default: break;
     }
+#if FOLLOWS
+    // How far ahead the motion is read, in control periods.
+    double time = where.time + (double)EXTRA[number] * CONTROL_DT;
+    Between samples = between(time);
+#if REFERENCE_TURNS
+    Quat to_motion = {1.0, 0.0, 0.0, 0.0};
+    if (term.quantity == REFERENCE_ORIENTATION)
+        to_motion = turn_to_motion(where.heading, time, state, params, memory, imu, apart, e);
+#endif
+#endif
     until = until < term.width ? until : term.width;
     for (; from < until; from += 4) {
         if (noise && term.half_range > 0.0f) block_of(*noise, term.draw + from, words);
@@ -57,6 +69,20 @@ DEVICE void write_term(
                 case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;
                 case JOINT_VELOCITY: value = read_velocity(state, memory, e, JOINT_OF[k]); break;
                 case LAST_ACTION: value = last_action[k * apart]; break;
+#if HAS_EARLIER
+                // The row before has it as its last action, scaled.
+                case EARLIER_ACTION: value = past ? past[EXTRA[number] + k] / scales[EXTRA[number] + k] : 0.0f; break;
+#endif
+#if FOLLOWS
+                case REFERENCE_JOINT_POSITION: value = reference_number(REFERENCE_POSITION, samples, k); break;
+                case REFERENCE_JOINT_VELOCITY:
+                    value = samples.moves ? reference_number(REFERENCE_VELOCITY, samples, k) : 0.0f;
+                    break;
+#if REFERENCE_TURNS
+                case REFERENCE_ORIENTATION: value = column_number(to_motion, k); break;
+#endif
+                case REFERENCE_PHASE: value = reference_phase(time); break;
+#endif
                 default: value = i < 3 ? vector[i] : 0.0f;
             }
             if (noise && term.half_range > 0.0f)

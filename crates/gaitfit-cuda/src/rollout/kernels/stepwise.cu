@@ -17,7 +17,7 @@ KERNEL next_step(u32* control) {
 // New episodes for the environments that are `chosen`, as if each had ended in the present step.
 KERNEL restart(
     const u32* chosen, const u32* control, float* state, float* report, float* memory, u32* steps, u32* fresh, float* command, float* last_action,
-    float* feet, float* returns, float* ways
+    float* feet, float* returns, float* ways FOLLOWING(float* turned)
 ) {
     __shared__ u32 begins[THREADS];
     __shared__ Placing placing;
@@ -40,20 +40,21 @@ KERNEL restart(
         }
 #endif
     }
-    start_episodes(control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways);
+    start_episodes(
+        control, control[FIRST_STEP] + 1, begins, placing, state, report, memory, command, ways FOLLOWING(turned));
 }
 
 // What those that are `chosen` observe at the next step; the rows of others stay.
 KERNEL observe_chosen(
     const u32* chosen, const u32* control, const float* state, const float* params, const float* memory, const u32* steps,
     const u32* fresh, const float* imu, const float* command, const float* last_action, float* past, float* critic_past,
-    float* observation, float* critic_observation
+    float* observation, float* critic_observation FOLLOWING(const float* turned)
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= ENVIRONMENTS || !chosen[e]) return;
     observe_environment(
         0, control, state, params, memory, steps, fresh, imu, command, last_action, past, critic_past, observation,
-        critic_observation, e);
+        critic_observation, e FOLLOWING(turned));
 }
 
 // The present step of those that are `chosen` belongs to no episode: it pays nothing and ends nothing.

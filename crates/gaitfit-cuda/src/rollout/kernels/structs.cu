@@ -21,7 +21,8 @@ struct Term {
     float half_range;
     int oldest, apart, frames;
 };
-// A row: its first term and their number, the first of its scales, its width, and the most frames of a term.
+// A row: its first term and their number, the first of its scales, its width, and the most frames of a term, one more
+// with an earlier action.
 struct Row {
     int first, terms, scale, width, frames;
 };
