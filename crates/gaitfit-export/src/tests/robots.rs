@@ -54,7 +54,8 @@ fn a_torque_without_stiffness_is_not_said_to_be_in_the_file() {
 
 #[test]
 fn only_joints_and_links_of_the_robot_are_changed_in_a_urdf() {
-    let inertial = "<inertial><mass value=\"2\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
+    let inertial =
+        "<inertial><mass value='2'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>";
     let text = format!(
         "<robot name=\"two\"><transmission name=\"t\"><joint name=\"swing\"/><link name=\"arm\"/></transmission>\
          <link name=\"base\">{inertial}</link><link name=\"arm\">{inertial}</link><joint name=\"swing\" \
