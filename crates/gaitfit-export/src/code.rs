@@ -50,6 +50,9 @@ pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
     })
 }
 
+/// Limit of a joint that has none, N·m, where other joints have one.
+const UNLIMITED: f64 = 1e9;
+
 /// Physics steps of the longest delay.
 fn lag(joints: &[JointNumbers], step: f64) -> usize {
     let longest = joints.iter().map(|joint| joint.delay).fold(0.0, f64::max);
@@ -68,10 +71,11 @@ pub(super) fn isaac_lab(
     let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
     let gain =
         |number: fn(&JointNumbers) -> f64| if gains { table(joints, number) } else { "None".to_owned() };
-    // Joints without a limit are left to the asset.
-    let limited: Vec<&JointNumbers> = joints.iter().filter(|joint| joint.torque_limit.is_finite()).collect();
-    let limits: Vec<String> =
-        limited.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.torque_limit)).collect();
+    let limited = |joint: &JointNumbers| joint.torque_limit.is_finite();
+    let limits = joints.iter().map(|joint| {
+        format!("{:?}: {:?}", joint.name, if limited(joint) { joint.torque_limit } else { UNLIMITED })
+    });
+    let limits: Vec<String> = limits.collect();
     let mut text = String::from(
         "\"\"\"Actuators of an Isaac Lab articulation with fitted numbers: ArticulationCfg(..., \
          actuators=ACTUATORS).\n\nFriction is an effort, N·m, in Isaac Sim 5 and later; in 4.5 it is a coefficient, \
@@ -87,7 +91,11 @@ pub(super) fn isaac_lab(
     let _ = writeln!(text, "        joint_names_expr=[{}],", names.join(", "));
     let _ = writeln!(text, "        stiffness={},", gain(|joint| joint.kp));
     let _ = writeln!(text, "        damping={},", gain(|joint| joint.kd));
-    if !limits.is_empty() {
+    // Without any limit they are left to the asset. Isaac Lab gives joints that the table leaves out a limit of 0.
+    if joints.iter().any(limited) {
+        if !joints.iter().all(limited) {
+            let _ = writeln!(text, "        # {UNLIMITED:?}: no limit.");
+        }
         let _ = writeln!(text, "        effort_limit={{{}}},", limits.join(", "));
     }
     let _ = writeln!(text, "        armature={},", table(joints, |joint| joint.armature));

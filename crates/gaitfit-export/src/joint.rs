@@ -1,7 +1,7 @@
 //! A joint's numbers as other simulators take them.
 
 use gaitfit_log::Gains;
-use gaitfit_model::Model;
+use gaitfit_model::{Model, shown};
 use gaitfit_sim::Candidate;
 
 /// A joint of the fitted robot.
@@ -50,6 +50,11 @@ impl JointNumbers {
     pub fn springref(&self) -> Option<f64> {
         (self.stiffness != 0.0).then(|| self.spring_torque / self.stiffness)
     }
+
+    /// Whether the springs give a torque without a stiffness, which a joint of MJCF has no place for.
+    pub fn has_constant_torque(&self) -> bool {
+        self.stiffness == 0.0 && self.spring_torque != 0.0
+    }
 }
 
 /// The joints of the fitted robot, in the model's order.
@@ -86,4 +91,20 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
         }
     };
     model.joints.iter().enumerate().map(numbers).collect()
+}
+
+/// That the robot's MJCF lacks torques of springs without a stiffness, with the joints and what to do; `None` without such.
+pub(super) fn constant_torque_note(joints: &[JointNumbers]) -> Option<String> {
+    let names: Vec<String> = joints
+        .iter()
+        .filter(|joint| joint.has_constant_torque())
+        .map(|joint| format!("`{}`", shown(&joint.name)))
+        .collect();
+    (!names.is_empty()).then(|| {
+        format!(
+            "robot.xml does not have the spring_torque of {}: their total stiffness is 0, and MuJoCo's joints have no constant \
+             torque. Add the spring_torque of theta.json to data.qfrc_applied at every physics step",
+            names.join(", ")
+        )
+    })
 }

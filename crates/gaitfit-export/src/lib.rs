@@ -168,10 +168,11 @@ fn files_of(
                     "robot.xml names other files as the original does: put it beside the original".to_owned(),
                 );
             }
+            notes.extend(joint::constant_torque_note(&joints));
             (
                 "robot.xml",
                 mjcf::patched(text, model, &joints, candidate, gains.is_some())?,
-                mjcf::said(gains.is_some(), base, mjcf::says_links(text, model, candidate)?),
+                mjcf::said(&joints, gains.is_some(), base, mjcf::says_links(text, model, candidate)?),
             )
         }
     };

@@ -16,7 +16,8 @@ def load(path=pathlib.Path(__file__).with_name("theta.json")):
 
 
 def apply(model, theta):
-    """Joints' numbers and masses of links of a model of the robot's original file; friction of all contacts."""
+    """Joints' numbers and masses of links of a model of the robot's original file; friction of all contacts. A spring_torque
+    of a joint without stiffness is not among them: add it to data.qfrc_applied at every physics step."""
     model.opt.disableflags &= ~SWITCHED
     for name, joint in theta["joints"].items():
         place, dof = model.joint(name).id, model.joint(name).dofadr[0]

@@ -9,9 +9,12 @@ use gaitfit_sim::Candidate;
 use roxmltree::{Document, Node};
 
 /// Kinds of parameters that the file says.
-pub(super) fn said(gains: bool, base: bool, links: bool) -> Vec<&'static str> {
+pub(super) fn said(joints: &[JointNumbers], gains: bool, base: bool, links: bool) -> Vec<&'static str> {
     let mut said = COMMON.to_vec();
-    said.extend(["armature", "stiffness", "spring_torque"]);
+    said.extend(["armature", "stiffness"]);
+    if !joints.iter().any(JointNumbers::has_constant_torque) {
+        said.push("spring_torque");
+    }
     if gains {
         said.extend(["encoder_bias", "torque_scale", "torque_offset", "kp_scale", "kd_scale"]);
     }
@@ -145,7 +148,7 @@ pub(super) fn patched(
     base(text, &document, model, candidate, &mut edits);
     links(text, &document, model, candidate, &mut edits);
     if gains {
-        actuators(&document, model, joints, &mut edits);
+        actuators(text, &document, model, joints, &mut edits);
     }
     Ok(edits.apply(text))
 }
@@ -203,7 +206,7 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
 /// One PD controller a joint instead of the file's actuators, which keep their order and names:
 /// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
 /// MuJoCo's affine actuator makes g · ctrl + b₀ + b₁ · q + b₂ · q̇, with g of `gainprm` and b of `biasprm`.
-fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
+fn actuators(text: &str, document: &Document<'_>, model: &Model, joints: &[JointNumbers], edits: &mut Edits) {
     // One controller a joint: a file may have several actuators on one.
     let mut order: Vec<(usize, String)> = Vec::new();
     for actuator in &model.actuators {
@@ -213,10 +216,12 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
     }
     // Joints that the file has no actuator for, but the fit has gains.
     for j in 0..joints.len() {
-        if joints[j].kp != 0.0 && order.iter().all(|(joint, _)| *joint != j) {
+        let driven = joints[j].kp != 0.0 || joints[j].kd != 0.0;
+        if driven && order.iter().all(|(joint, _)| *joint != j) {
             order.push((j, joints[j].name.clone()));
         }
     }
+    keyframes(text, document, model, &order, edits);
     let mut block = String::from("<actuator>");
     for (j, name) in order {
         let joint = &joints[j];
@@ -246,9 +251,41 @@ fn actuators(document: &Document<'_>, model: &Model, joints: &[JointNumbers], ed
     match old.next() {
         Some(first) => edits.replace(first, block),
         // Without a block of actuators, one is put before the end of the root element.
-        None => edits.insert(document.root_element().range().end - "</mujoco>".len(), format!("  {block}\n")),
+        None => edits.append(text, document.root_element(), format!("  {block}\n")),
     }
     old.for_each(|node| edits.replace(node, String::new()));
+}
+
+/// Controls of keyframes: the angles of the keyframe, because the controls were those of the file's actuators. `order`: the
+/// joints of the controllers.
+fn keyframes(
+    text: &str,
+    document: &Document<'_>,
+    model: &Model,
+    order: &[(usize, String)],
+    edits: &mut Edits,
+) {
+    let count = model.joints.len();
+    let sections = document.root_element().children().filter(|node| node.has_tag_name("keyframe"));
+    for key in sections.flat_map(|section| section.children()) {
+        if key.attribute("ctrl").is_none() {
+            continue;
+        }
+        let stated = key.attribute("qpos").map(|_| numbers(key, "qpos").unwrap_or_default());
+        let pose = stated.unwrap_or_else(|| model.joints.iter().map(|joint| joint.reference).collect());
+        // The base's seven numbers come first. Other lengths are of a file with more than the robot.
+        let angles = match pose.len().checked_sub(count) {
+            Some(base @ (0 | 7)) => pose.get(base..),
+            _ => None,
+        };
+        let controls: Option<Vec<String>> = angles.and_then(|angles| {
+            order.iter().map(|(joint, _)| angles.get(*joint).copied().map(number)).collect()
+        });
+        match controls {
+            Some(controls) => edits.set(text, key, "ctrl", &controls.join(" ")),
+            None => edits.remove(key, "ctrl"),
+        }
+    }
 }
 
 fn escape(name: &str) -> String {

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 mod networks;
+mod robots;
 
 use super::*;
 use gaitfit_model::{ReadOptions, Root, read_mjcf_str, read_urdf_str};

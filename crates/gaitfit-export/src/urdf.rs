@@ -24,7 +24,7 @@ pub(super) fn said(text: &str, model: &Model) -> Result<Vec<&'static str>, Error
 /// The inertial of a link.
 fn inertial<'a, 'i>(document: &'a Document<'i>, link: &str) -> Option<Node<'a, 'i>> {
     let named = |node: &Node<'_, '_>| node.has_tag_name("link") && node.attribute("name") == Some(link);
-    document.descendants().find(named)?.children().find(|child| child.has_tag_name("inertial"))
+    document.root_element().children().find(named)?.children().find(|child| child.has_tag_name("inertial"))
 }
 
 /// The file's text with the fitted numbers.
@@ -44,8 +44,10 @@ pub(super) fn patched(
         if joint.damping == own.damping && joint.frictionloss == own.frictionloss {
             continue;
         }
+        // Elements `joint` of transmissions and of `ros2_control` are not joints of the tree.
         let node = document
-            .descendants()
+            .root_element()
+            .children()
             .find(|node| node.has_tag_name("joint") && node.attribute("name") == Some(joint.name.as_str()))
             .ok_or_else(|| Error::failed(format!("the robot's file has no joint `{}`", joint.name)))?;
         let (damping, friction) = (number(joint.damping), number(joint.frictionloss));

@@ -24,6 +24,13 @@ impl Edits {
         self.edits.push((start + name_end..start + name_end, format!(" {name}=\"{value}\"")));
     }
 
+    /// Takes an attribute out of an element, if it has it.
+    pub fn remove(&mut self, node: Node<'_, '_>, name: &str) {
+        if let Some(attribute) = node.attributes().find(|attribute| attribute.name() == name) {
+            self.edits.push((attribute.range(), String::new()));
+        }
+    }
+
     /// Puts a text at the end of an element, which may have nothing in it yet.
     pub fn append(&mut self, text: &str, node: Node<'_, '_>, inner: String) {
         let Range { start, end } = node.range();

@@ -4,7 +4,9 @@
 #[path = "checkpoint/curriculum.rs"]
 mod curriculum;
 
-use gaitfit_learn::task::{Kinds, Task, TaskSettings, TerrainKind, TerrainSettings};
+use gaitfit_learn::task::{
+    Ended, Environment, Kinds, Task, TaskSettings, TerrainKind, TerrainSettings, UserTerms,
+};
 use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingError, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy_files::weights;
@@ -141,6 +143,26 @@ fn what_does_not_fit_is_refused() {
     let settings = TrainingSettings { environments: 200, ..SETTINGS };
     let mut smaller = Training::new(&scene, None, &settings, learner, 7).unwrap();
     assert!(smaller.restore(&bytes, &origin()).is_err());
+}
+
+/// A function of the caller may let an episode go on beyond its time.
+#[test]
+fn episodes_beyond_their_time_are_taken_up_if_a_function_may_make_them() {
+    let mut scene = scene_with(|task| task.episode_seconds = 0.04);
+    let beyond = {
+        let mut environment = Environment::new(&scene, None, 7, 0, 1).unwrap();
+        let (mut reward, mut ended) = ([0.0], [Ended::No]);
+        for step in 0..4 {
+            environment.step(step, &[0.0; 12], &mut reward, &mut ended);
+        }
+        let saved = environment.save();
+        assert!(saved.steps == [4] && environment.restore(&saved).is_err());
+        saved
+    };
+    scene.user_terms = Some(UserTerms::new(|_, _, _| true));
+    let mut environment = Environment::new(&scene, None, 7, 0, 1).unwrap();
+    environment.restore(&beyond).unwrap();
+    assert!(environment.save() == beyond);
 }
 
 #[test]

@@ -112,6 +112,27 @@ fn a_state_of_another_network_is_refused() {
     assert!(bits(&learner) == before);
 }
 
+#[test]
+fn statistics_that_cannot_be_are_refused() {
+    let settings = Settings { normalise_observations: true, ..small() };
+    let (_, _, learner) = run(&settings, 1);
+    let tensors = learner.tensors();
+    let find = |name: &str| tensors.iter().find(|(n, _)| *n == name).map(|(_, values)| *values);
+    let mut restored = Learner::new(settings, WIDTHS, 7).unwrap();
+    let before = bits(&restored);
+    let mut refused = |change: fn(&mut Normaliser), part: &str| {
+        let mut scalars = learner.scalars();
+        change(scalars.normaliser.as_mut().unwrap());
+        let error = restored.restore(find, &scalars).unwrap_err();
+        assert!(matches!(&error, StateError::Number { name, .. } if name == part), "{error}");
+        assert!(bits(&restored) == before);
+    };
+    refused(|normaliser| normaliser.mean[1] = f64::NAN, "normaliser.mean");
+    refused(|normaliser| normaliser.variance[0] = -1.0, "normaliser.variance");
+    refused(|normaliser| normaliser.variance[0] = f64::INFINITY, "normaliser.variance");
+    refused(|normaliser| normaliser.count = -1.0, "normaliser.count");
+}
+
 /// One-step episodes: observation s, action a, reward −|a − M s|².
 fn bandit(learner: &Learner, iteration: u32) -> (Vec<Samples>, f64) {
     const M: [[f32; 2]; 2] = [[0.8, -0.5], [0.3, 0.9]];

@@ -309,6 +309,10 @@ fn action_bounds_are_what_range_effort_and_clip_leave() {
     }
     let clipped = scene_with(&task, |interface| interface.action_clip = Some(ActionClip::All(1.5)));
     assert!(clipped.action_bounds().iter().all(|bounds| *bounds == [-1.5, 1.5]));
+    let negative =
+        scene_with(&task, |interface| interface.action_scale.iter_mut().for_each(|scale| *scale = -*scale));
+    let mirrored: Vec<[f32; 2]> = bounds.iter().map(|[low, high]| [-high, -low]).collect();
+    assert_eq!(negative.action_bounds(), mirrored);
 }
 
 /// Robots that flail as wildly as the bounds allow fall, and do not diverge.

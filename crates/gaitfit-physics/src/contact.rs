@@ -294,7 +294,8 @@ pub(crate) fn normal_frame<T: Real>(normal: V3<T>) -> M3<T> {
 fn axis_frame<T: Real>(normal: V3<T>, axis: V3<T>, plane: &GroundPlane<T::K>) -> M3<T> {
     let along = axpy(-dot(normal, axis), normal, axis);
     let length2 = dot(along, along);
-    // An axis along the normal has no direction in the plane: the plane's own tangent stands in for it.
+    // An axis along the normal has no direction in the plane: the plane's own tangent stands in for it. The bound is one
+    // of a squared length, so it is a sine of 3e-8.
     let tiny = T::lit(TINY);
     let by = T::lit(1.0).div(length2.max(tiny).sqrt());
     let fallback = k3::<T>(&plane.frame[1]);

@@ -178,9 +178,10 @@ impl Robot {
                 });
             }
         }
-        // The check of lower bounds lets infinity pass, which only torque limits and no-load speeds may have.
-        for parameter in JointParameter::LINKS {
-            let all = self.joints(*parameter).iter().zip(&model.joints);
+        // The check of lower bounds lets infinity pass, which only these may have.
+        let bounds = [JointParameter::TorqueLimit, JointParameter::NoLoadSpeed, JointParameter::StallTorque];
+        for &parameter in JointParameter::ALL.iter().filter(|one| !bounds.contains(one)) {
+            let all = self.joints(parameter).iter().zip(&model.joints);
             if let Some((value, joint)) = all.into_iter().find(|(value, _)| value.is_infinite()) {
                 return Err(PhysicsError::Value {
                     object: format!("joint `{}`", joint.name),
@@ -193,6 +194,20 @@ impl Robot {
         if let Some((quantity, value)) = self.wrong_number() {
             let (object, must) = (format!("robot `{}`", model.name), "zero or positive");
             return Err(PhysicsError::Value { object, quantity, value, must });
+        }
+        self.check_base(model)
+    }
+
+    /// Checks what is added to the root body.
+    fn check_base(&self, model: &Model) -> Result<(), PhysicsError> {
+        let places = [("base_com", self.base_com), ("payload_position", self.payload_position)];
+        let places = places.into_iter().flat_map(|(name, place)| place.map(|value| (name, value)));
+        let wrong = |&(_, value): &(&str, f64)| !value.is_finite();
+        if let Some((quantity, value)) =
+            std::iter::once(("base_mass", self.base_mass)).chain(places).find(wrong)
+        {
+            let object = format!("body `{}`", model.bodies[0].name);
+            return Err(PhysicsError::Value { object, quantity, value, must: "finite" });
         }
         let mass = model.bodies[0].mass + self.base_mass;
         // A fixed root does not move, so nothing depends on its mass.

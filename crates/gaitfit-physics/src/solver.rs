@@ -402,7 +402,7 @@ fn rows_along<T: Real>(
     g
 }
 
-/// Takes `alpha` of the step; the `last` one leaves residuals behind.
+/// Takes `alpha` of the step; after the `last` one the residuals stay as they were.
 #[inline(always)]
 fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T>, work: &mut Work<T>) {
     if tree.floating {

@@ -231,7 +231,7 @@ pub struct Tree<K> {
 }
 
 impl<K> Tree<K> {
-    /// Hinge joints.
+    /// Hinges and slides.
     pub fn joints(&self) -> usize {
         self.links.len() - 1
     }

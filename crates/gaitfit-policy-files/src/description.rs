@@ -30,9 +30,8 @@ pub struct Description {
     pub output_activation: Option<Activation>,
     /// ε of layer norms in safetensors.
     pub layer_norm_epsilon: Option<f32>,
-    /// Prefix of the actor's tensors in safetensors: `actor` finds `actor.0.weight`.
-    #[serde(default = "actor")]
-    pub actor: String,
+    /// Prefix of the actor's tensors in safetensors: `actor`, the default, finds `actor.0.weight`.
+    pub actor: Option<String>,
     /// Prefix of the critic's tensors in safetensors; none leaves the critic out. Needs `critic_observation`.
     pub critic: Option<String>,
     /// Recurrent layers before the actor, in safetensors.
@@ -43,9 +42,8 @@ pub struct Description {
     pub normaliser: Option<NormaliserTensors>,
     /// Normaliser of the critic's observation.
     pub critic_normaliser: Option<NormaliserTensors>,
-    /// Standard deviation of the actions, for training on; safetensors with `log_std` or `std` have their own.
-    #[serde(default = "half")]
-    pub std: f64,
+    /// Standard deviation of the actions, for training on, 0.5 by default; safetensors with `log_std` or `std` have their own.
+    pub std: Option<f64>,
     /// Name of the robot model; empty where it is not known.
     #[serde(default)]
     pub robot: String,
@@ -90,13 +88,8 @@ pub struct Description {
     pub critic_observation: Vec<DescribedTerm>,
 }
 
-fn actor() -> String {
-    "actor".to_owned()
-}
-
-fn half() -> f64 {
-    0.5
-}
+/// Standard deviation of the actions.
+const STD: f64 = 0.5;
 
 impl Description {
     /// Reads the description itself.
@@ -193,8 +186,9 @@ impl Description {
     /// Weights that are no multilayer perceptron, or do not fit the description.
     pub fn load(&self, folder: &Path) -> Result<Policy, PolicyError> {
         let mut interface = self.interface_in(folder)?;
-        if !(self.std > 0.0 && self.std.is_finite()) {
-            return Err(invalid(format!("std is {}; give a positive number", self.std)));
+        let std = self.std.unwrap_or(STD);
+        if !(std > 0.0 && std.is_finite()) {
+            return Err(invalid(format!("std is {std}; give a positive number")));
         }
         if self.file.is_empty() {
             return Err(invalid("`file` is empty; it must name an .onnx or .safetensors file"));
@@ -237,7 +231,7 @@ impl Description {
         let clip = clip.map(|clip| clipped(&mut interface, clip));
         let notes = notes.into_iter().chain(clip).collect();
         let policy = Policy {
-            log_std: log_std.unwrap_or_else(|| vec![self.std.ln() as f32; interface.joints.len()]),
+            log_std: log_std.unwrap_or_else(|| vec![std.ln() as f32; interface.joints.len()]),
             interface,
             front,
             actor,
@@ -255,6 +249,12 @@ impl Description {
     /// `policy` with another interface. The critic goes where nothing says what it sees.
     fn other_interface(&self, interface: Interface, policy: Policy) -> Result<Policy, PolicyError> {
         let given = [
+            ("output_activation", self.output_activation.is_some()),
+            ("layer_norm_epsilon", self.layer_norm_epsilon.is_some()),
+            ("actor", self.actor.is_some()),
+            ("std", self.std.is_some()),
+            ("inputs", !self.inputs.is_empty()),
+            ("output", self.output.is_some()),
             ("critic", self.critic.is_some()),
             ("memory", self.memory.is_some()),
             ("encoder", self.encoder.is_some()),
@@ -328,7 +328,7 @@ impl Description {
         let kind = (activation, epsilon);
         // A normaliser before a memory or an encoder is not one of the actor's first layer.
         let normaliser = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
-        let mut actor = normalised(&mut tensors, &self.actor, kind, normaliser)?;
+        let mut actor = normalised(&mut tensors, self.actor.as_deref().unwrap_or("actor"), kind, normaliser)?;
         actor.output = self.output_activation;
         let front = self.front(&mut tensors, interface, kind)?;
         let critic = match &self.critic {

@@ -122,7 +122,7 @@ fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
     };
     table.insert("file".into(), name.into());
     let mut policy = Description::from_table(table)?.load(folder(path))?;
-    policy.notes.splice(0..0, notes);
+    policy.notes.splice(0..0, notes.into_iter().map(|note| note.text));
     Ok(policy)
 }
 
@@ -181,10 +181,10 @@ fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
             Err(error) if error.to_string().contains("missing field") => Err(of_file),
             Err(error) => Err(inside(error)),
         },
-        Ok(Some(Known { table: mut entries, mut notes })) => {
-            if ["control_dt", "observation"].iter().all(|key| given.contains_key(*key)) {
-                notes.clear();
-            }
+        Ok(Some(Known { table: mut entries, notes })) => {
+            let notes = notes.into_iter();
+            let notes = notes.filter(|note| note.entries.iter().any(|key| !given.contains_key(*key)));
+            let notes = notes.map(|note| note.text).collect();
             // A slip in a name has a place in the text; what the file adds has none.
             if let Err(error) = Description::parse(&text)
                 && error.to_string().contains("unknown ")

@@ -1,13 +1,16 @@
 //! Tensors by name in a safetensors file, with errors that name the tensor.
 
 use super::layers::{Affine, MAX_LAYERS, assemble, transpose};
-use gaitfit_model::shown;
+use gaitfit_model::{listed, shown};
 use gaitfit_policy::PolicyError;
 use gaitfit_policy::invalid;
 use gaitfit_policy::network::{Activation, Cell, LayerNorm, Network, Recurrent, RecurrentLayer};
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::collections::BTreeSet;
+
+/// Names that the message about a missing tensor shows.
+const SHOWN: usize = 24;
 
 /// A parsed file, and the tensors asked for so far.
 pub(super) struct Tensors<'a> {
@@ -41,9 +44,10 @@ impl<'a> Tensors<'a> {
     fn view(&mut self, name: &str) -> Result<TensorView<'a>, PolicyError> {
         let view = self.file.tensor(name).map_err(|_| {
             // A file may hold thousands of tensors: the message shows some.
-            let mut names: Vec<String> = self.file.names().into_iter().take(24).map(shown).collect();
-            names.sort();
-            invalid(format!("tensor {} is missing; the file holds {}", shown(name), names.join(", ")))
+            let mut names = self.file.names();
+            names.sort_unstable();
+            let names = listed(names.into_iter().map(shown), SHOWN);
+            invalid(format!("tensor {} is missing; the file holds {names}", shown(name)))
         })?;
         self.used.insert(name.to_owned());
         Ok(view)
@@ -203,5 +207,21 @@ impl<'a> Tensors<'a> {
             self.file.names().into_iter().filter(|&name| !self.used.contains(name)).collect();
         unused.sort_unstable();
         unused.first().map(|name| shown(name))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_tensor_is_named_with_the_first_of_the_others() {
+        let data = 1_f32.to_le_bytes();
+        let names = (0..SHOWN + 6).map(|number| format!("t{number:02}"));
+        let views = names.map(|name| (name, TensorView::new(Dtype::F32, vec![1], &data).unwrap()));
+        let bytes = safetensors::serialize(views, None).unwrap();
+        let error = Tensors::parse(&bytes).unwrap().vector("none").unwrap_err().to_string();
+        assert!(error.contains("the file holds t00, t01,") && error.contains(", t23 and 6 more"), "{error}");
     }
 }

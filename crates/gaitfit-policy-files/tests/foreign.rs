@@ -55,6 +55,25 @@ fn a_deploy_yaml_gives_gains_in_the_sdks_order_and_a_history() {
     assert!(files.len() == 2 && files[1].ends_with("params/deploy.yaml"), "{files:?}");
 }
 
+#[test]
+fn a_description_says_what_is_still_assumed_of_a_deploy_yaml() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["exported/policy.onnx", "params/deploy.yaml"] {
+        let to = folder.path().join(file.split('/').next_back().unwrap());
+        std::fs::copy(fixture(&format!("unitree/{file}")), to).unwrap();
+    }
+    let path = folder.path().join("policy.toml");
+    let noted = |more: &str| {
+        let text = "file = \"policy.onnx\"\ncontrol_dt = 0.02\nobservation = [{ quantity = \"joint_position\", history = 18 }, \
+                    { quantity = \"command\", history = 3 }]\n";
+        std::fs::write(&path, format!("{text}{more}")).unwrap();
+        read(&path).unwrap().notes.iter().any(|note| note.contains("Go2"))
+    };
+    let joints = read(&folder.path().join("policy.onnx")).unwrap().interface.joints;
+    assert!(noted("") && noted("kp = 25\n"));
+    assert!(!noted(&format!("joints = {joints:?}\nkp = 25\nkd = 0.5\n")));
+}
+
 /// The policy, or the error, of a deploy.yaml that is changed.
 fn changed(change: impl Fn(String) -> String) -> Result<Policy, String> {
     let folder = tempfile::tempdir().unwrap();
@@ -182,6 +201,12 @@ fn a_description_changes_single_entries_of_what_a_file_says() {
             "observation is 3 numbers (3 command), the actor takes 45",
         ),
         ("normaliser = { mean = \"a\", std = \"b\" }", "`normaliser` is for files of other programs"),
+        ("std = 0.5", "`std` is for files of other programs"),
+        ("actor = \"actor\"", "`actor` is for files of other programs"),
+        ("output_activation = \"tanh\"", "`output_activation` is for files of other programs"),
+        ("layer_norm_epsilon = 1e-5", "`layer_norm_epsilon` is for files of other programs"),
+        ("inputs = { x = [\"command\"] }", "`inputs` is for files of other programs"),
+        ("output = \"y\"", "`output` is for files of other programs"),
         ("speed = 1", "unknown field `speed`"),
     ] {
         let found = described(&format!("file = \"own.safetensors\"\n{text}")).unwrap_err();

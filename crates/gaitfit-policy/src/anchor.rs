@@ -25,6 +25,7 @@ impl Reference {
         // Body 0 is the base, where every chain begins.
         let mut body = 0;
         let mut before: Option<usize> = None;
+        let mut listed = Vec::new();
         for AnchorJoint { joint, axis } in &self.anchor {
             let place = joints.iter().position(|name| name == joint).and_then(|place| resolved.get(place));
             // Names that are not the policy's were refused when the motion was checked.
@@ -68,6 +69,22 @@ impl Reference {
                 ));
             }
             (body, before) = (hinge.body, Some(index));
+            listed.push(index);
+        }
+        // A body with several hinges is turned by all of them.
+        let of_listed = |body: usize| listed.iter().any(|&other: &usize| model.joints[other].body == body);
+        let missing =
+            model.joints.iter().enumerate().find(|(index, joint)| {
+                joint.kind.is_hinge() && of_listed(joint.body) && !listed.contains(index)
+            });
+        if let Some((_, missing)) = missing {
+            return refuse(format!(
+                "leaves out `{}`, which turns `{}` of robot `{}` too; list each joint from the base to the anchor once, in this \
+                 order",
+                shown(&missing.name),
+                shown(&model.bodies[missing.body].name),
+                shown(&model.name)
+            ));
         }
         // Where the file does not name the anchor's body, the list of joints is all there is to check.
         let Some(name) = self.anchor_body.as_deref() else { return Ok(()) };
@@ -161,6 +178,38 @@ mod tests {
         ] {
             let text = check(anchor, body).unwrap_err();
             assert!(text.contains(word), "`{word}` is not in `{text}`");
+        }
+    }
+
+    #[test]
+    fn all_hinges_of_a_body_are_listed() {
+        let inertial = "<inertial pos='0 0 0' mass='1' diaginertia='0.1 0.1 0.1'/>";
+        let text = format!(
+            "<mujoco><worldbody><body name='base'><freejoint/>{inertial}<body name='torso'><joint name='roll' axis='1 0 0'/>\
+             <joint name='pitch' axis='0 1 0'/>{inertial}<body name='head'><joint name='yaw' axis='0 0 1'/>{inertial}</body>\
+             </body></body></worldbody></mujoco>"
+        );
+        let model = gaitfit_model::read_mjcf_str(&text, &Default::default()).unwrap();
+        let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let check = |names: &[&str]| {
+            let axis = |name: &str| model.joints[model.find_joint(name).unwrap()].axis;
+            let anchor = |&name: &&str| AnchorJoint { joint: name.to_owned(), axis: axis(name) };
+            let reference = Reference {
+                rate_hz: 50.0,
+                position: vec![0.0; 3],
+                velocity: vec![0.0; 3],
+                orientation: Vec::new(),
+                anchor: names.iter().map(anchor).collect(),
+                anchor_body: None,
+            };
+            reference.check_anchor(&model, &joints, &[0, 1, 2]).map_err(|error| error.to_string())
+        };
+        assert_eq!([check(&["roll", "pitch"]), check(&["roll", "pitch", "yaw"])], [Ok(()), Ok(())]);
+        for (names, missing) in
+            [(&["roll"][..], "`pitch`"), (&["pitch"], "`roll`"), (&["pitch", "yaw"], "`roll`")]
+        {
+            let text = check(names).unwrap_err();
+            assert!(text.contains(&format!("leaves out {missing}")), "{text}");
         }
     }
 }

@@ -159,7 +159,8 @@ class Start(Settings):
     """How an episode starts: at rest in a pose, plus uniform deviations.
 
     Attributes:
-        pose: Joint angles, rad; the default pose where no pattern matches.
+        pose: Joint angles, rad; the default pose where no pattern matches. Joints that follow others start where their
+            leaders put them.
         pitch: Pitch of the base, degrees; −90 is nose up. Default: 0.0.
         yaw: Half range of the heading, degrees. Default: 180.0.
         joint_position: Half range of joint angles about the pose, rad. Default: 0.1.

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use gaitfit_physics::trace::{Input, Output, PeriodGraph};
 
-use super::PeriodProgram;
+use super::{EmitError, PeriodProgram};
 
 /// Threads in a tile.
 pub const TILE: usize = 32;
@@ -104,7 +104,10 @@ pub struct Layout {
 
 impl Layout {
     /// The layout of a program's numbers.
-    pub fn new(period: &PeriodGraph, program: &PeriodProgram) -> Self {
+    ///
+    /// # Errors
+    /// A result that is no input of the next period: it has no place.
+    pub fn new(period: &PeriodGraph, program: &PeriodProgram) -> Result<Self, EmitError> {
         let mut slots = [Slots::default(); 7];
         let mut first: Vec<Option<usize>> = vec![None; period.inputs.len()];
         let mut inputs = Vec::with_capacity(period.inputs.len());
@@ -144,8 +147,9 @@ impl Layout {
             output => Some(inputs[find(output)?]),
         };
         let outputs = period.outputs.iter().zip(&program.outputs);
-        let outputs = outputs.filter_map(|(output, &seat)| place(output, seat)).collect();
-        Self { lanes: program.program.lanes, inputs, outputs, slots }
+        let outputs = outputs.map(|(output, &seat)| place(output, seat).ok_or(EmitError::Unplaced));
+        let outputs = outputs.collect::<Result<_, _>>()?;
+        Ok(Self { lanes: program.program.lanes, inputs, outputs, slots })
     }
 
     /// Slots of a class.

@@ -58,6 +58,9 @@ pub enum EmitError {
         "limbs need each other's numbers in an order that they do not share; use fewer threads an environment"
     )]
     Order,
+    /// A result without a place to be written.
+    #[error("a control period gives a number that the next one does not take")]
+    Unplaced,
 }
 
 /// Options for making a program.

@@ -90,7 +90,7 @@ impl Period {
             Some(shared) => shared,
             None => program(&alone)?,
         };
-        let layout = Layout::new(&graph, &shared);
+        let layout = Layout::new(&graph, &shared)?;
         let text = cuda(&shared, &layout, BLOCK);
         Ok(Self {
             graph,

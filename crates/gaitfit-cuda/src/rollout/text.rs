@@ -191,6 +191,12 @@ impl Words {
             format!("{{{}, {limited}, {range}, {slides}}}", double(joint.reference))
         };
         self.lookup("Joint", "JOINT", model.joints.iter().map(joint).collect());
+        let coupling = |coupling: &gaitfit_model::Coupling| {
+            let leader = coupling.leader.map_or("-1".to_owned(), |leader| leader.to_string());
+            format!("{{{}, {leader}, {}}}", coupling.follower, doubles(&coupling.polynomial))
+        };
+        self.define("COUPLINGS", model.couplings.len());
+        self.lookup("Coupling", "COUPLING", model.couplings.iter().map(coupling).collect());
         let mut way = Vec::new();
         let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];

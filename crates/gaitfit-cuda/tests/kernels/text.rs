@@ -25,7 +25,7 @@ fn case(model: &Model, preset: Preset, lanes: usize, min_guarded: usize, network
     let settings = settings(model, preset);
     let (period, tree) = recorded(model, &settings, TAPS, SUBSTEPS, networks);
     let program = shared(&period, &tree, lanes, min_guarded);
-    let layout = Layout::new(&period, &program);
+    let layout = Layout::new(&period, &program).unwrap();
     Case { period, program, layout }
 }
 

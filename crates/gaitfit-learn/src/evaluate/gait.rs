@@ -218,11 +218,12 @@ impl GaitRecord {
             let max = groups.iter().flatten().max().map_or(0, |max| max + 1);
             for group in 0..max {
                 let members = || row.iter().zip(groups).filter(|(_, g)| **g == Some(group)).map(|(c, _)| *c);
-                // All feet of the group on the ground; only some of them, which is no alternation; none.
+                // All feet of the group on the ground; only some of them, which is no alternation; none, as of a group
+                // without feet.
                 match (members().all(|c| c), members().any(|c| c)) {
-                    (true, _) => full += 1,
+                    (true, true) => full += 1,
                     (false, true) => mixed = true,
-                    (false, false) => {}
+                    (_, false) => {}
                 }
             }
             alternating += if full == 1 && !mixed { 1.0 } else { 0.0 };
@@ -260,6 +261,27 @@ impl GaitRecord {
             action_rate: mean_square(&changes).sqrt(),
             torque: mean_square(&self.torque).sqrt(),
             torque_power_above_10_hz: if power > 0.0 { fast / power } else { 0.0 },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_without_feet_is_on_no_ground() {
+        let record = GaitRecord {
+            dt: 0.02,
+            feet: vec!["left".to_owned(), "right".to_owned()],
+            contact: vec![true, false, false, true],
+            foot_clearance: vec![0.0; 4],
+            command: [1.0, 0.0, 0.0].repeat(2),
+            ..GaitRecord::default()
+        };
+        for groups in [[Some(0), Some(1)], [Some(0), Some(2)]] {
+            let summary = record.summary(&groups);
+            assert_eq!((summary.alternation, summary.duty_factor), (1.0, 0.5), "{groups:?}");
         }
     }
 }

@@ -127,6 +127,18 @@ impl Learner {
             if widths(mine) != widths(theirs) {
                 return Err(StateError::Normaliser(name));
             }
+            let Some(theirs) = theirs else { continue };
+            // Observations are divided by roots of variances.
+            let count = std::slice::from_ref(&theirs.count);
+            for (part, values, min) in [
+                ("mean", &theirs.mean[..], f64::MIN),
+                ("variance", &theirs.variance[..], 0.0),
+                ("count", count, 0.0),
+            ] {
+                if let Some(&value) = values.iter().find(|&&x| !(x.is_finite() && x >= min)) {
+                    return Err(StateError::Number { name: format!("{name}.{part}"), value });
+                }
+            }
         }
         let mut targets: Vec<&mut [f32]> = vec![
             &mut self.actor.parameters,

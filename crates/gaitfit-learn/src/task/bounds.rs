@@ -19,10 +19,10 @@ impl Task {
         let (model, interface) = (self.walker.model(), &self.walker.interface);
         let bounds = |(index, name): (usize, &String)| {
             let joint = model.find_joint(name);
-            let (home, scale) = (interface.default_pose[index], interface.action_scale[index].abs());
+            let (home, scale) = (interface.default_pose[index], interface.action_scale[index]);
             // A velocity target knows no range; the fastest wheel bounds it.
             if interface.velocity_joints.contains(name) {
-                let largest = interface.clip(index).min(LARGEST).min(FASTEST / scale) as f32;
+                let largest = interface.clip(index).min(LARGEST).min(FASTEST / scale.abs()) as f32;
                 return [-largest, largest];
             }
             let range = joint.and_then(|joint| model.joints[joint].range);
@@ -39,8 +39,11 @@ impl Task {
                 let action = (target - home) / scale;
                 if action.is_nan() { 0.0 } else { action.clamp(-largest, largest) as f32 }
             };
+            // A negative scale swaps the ends.
+            let ends = [action(low - beyond), action(high + beyond)];
+            let [low, high] = if scale < 0.0 { [ends[1], ends[0]] } else { ends };
             // A pose outside the range, as some robots start in, is within reach.
-            [action(low - beyond).min(0.0), action(high + beyond).max(0.0)]
+            [low.min(0.0), high.max(0.0)]
         };
         interface.joints.iter().enumerate().map(bounds).collect()
     }

@@ -191,7 +191,8 @@ fn tenth() -> f64 {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StartSettings {
-    /// Joint angles, rad; the default pose where no pattern matches.
+    /// Joint angles, rad; the default pose where no pattern matches. Joints that follow others start where their leaders
+    /// put them.
     pub pose: JointTable,
     /// Pitch of the base, degrees; −90 is nose up.
     pub pitch: f64,

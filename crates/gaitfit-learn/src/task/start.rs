@@ -26,6 +26,8 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
         // A start outside the range would begin with the push of a joint limit.
         angles.push(joint.range.map_or(drawn, |[low, high]| drawn.clamp(low, high)));
     }
+    // Joints that follow others start where their leaders put them.
+    model.couple(&mut angles);
     Start {
         base_linear: [
             either(3, settings.linear_velocity) as f32,

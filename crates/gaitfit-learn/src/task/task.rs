@@ -142,11 +142,12 @@ impl Task {
         let rest = |place: &usize| !of_foot(place) && !fall_geoms.contains(place);
         let body_geoms = (0..contacts.len()).filter(rest).collect();
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
-        let start_pose = start
-            .iter()
-            .zip(start_angles(&walker))
-            .map(|(angle, home)| angle.map_or(home, |a| a as f32))
-            .collect();
+        let start_pose = start.iter().zip(start_angles(&walker));
+        let mut start_pose: Vec<f64> =
+            start_pose.map(|(angle, home)| angle.unwrap_or(f64::from(home))).collect();
+        // Also against a pattern that covers a joint that follows: the start would begin with a pull.
+        model.couple(&mut start_pose);
+        let start_pose = start_pose.into_iter().map(|angle| angle as f32).collect();
         let mut settings = settings.clone();
         if walker.interface.reference.is_some() && !walker.interface.observes_command() {
             // Nothing would follow them.

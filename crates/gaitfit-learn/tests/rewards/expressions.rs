@@ -308,3 +308,13 @@ fn the_documentation_lists_every_name() {
         assert!(text.contains(&format!("`{}`", quantity.name())), "{} is not documented", quantity.name());
     }
 }
+
+#[test]
+fn quantities_of_what_a_robot_lacks_are_refused() {
+    let wheels = Names { joints: vec!["wheel"], velocity_joints: vec![0], ..Names::default() };
+    for text in ["sum(contact)", "sum(qpos)"] {
+        let error = Expression::new(text, &wheels).unwrap_err();
+        assert!(error.to_string().contains("they are none") && error.column == 5, "{error}");
+    }
+    Expression::new("height + sum(qvel) + qpos['wheel']", &wheels).unwrap();
+}

@@ -309,3 +309,31 @@ fn bad_settings_are_refused_by_name() {
     let error = Task::new(&model, &TaskSettings::default(), Preset::Fast).err().unwrap().to_string();
     assert!(error.contains("go2 is clamped"), "{error}");
 }
+
+#[test]
+fn joints_that_follow_others_start_where_their_leaders_put_them() {
+    let file = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml")).unwrap();
+    // The first coupling's leader follows the second's, in turn.
+    let couplings = "</worldbody><equality>\
+        <joint joint1=\"RR_thigh_joint\" joint2=\"FR_thigh_joint\" polycoef=\"0 1 0 0 0\"/>\
+        <joint joint1=\"FR_thigh_joint\" joint2=\"FL_thigh_joint\" polycoef=\"0.1 0.9 0 0 0\"/></equality>";
+    let coupled = file.replacen("</worldbody>", couplings, 1);
+    let model = gaitfit_model::read_mjcf_str(&coupled, &Default::default()).unwrap();
+    let mut task = built_in("velocity");
+    task.start.pose.insert("*_thigh".to_owned(), 0.7);
+    let scene = Task::new(&model, &task, Preset::Fast).unwrap();
+    let place = |joint: &str| model.find_joint(joint).unwrap();
+    let [leader, follower, last] = ["FL_thigh_joint", "FR_thigh_joint", "RR_thigh_joint"].map(place);
+    let starts = |angles: &[f32]| {
+        let wanted = 0.1 + 0.9 * angles[leader];
+        assert!(
+            (angles[follower] - wanted).abs() < 1e-6 && (angles[last] - wanted).abs() < 1e-6,
+            "{angles:?}"
+        );
+    };
+    starts(&scene.start_pose);
+    let environment = Environment::new(&scene, None, 4, 0, 4).unwrap();
+    let motion = environment.motion();
+    motion.joint_position.chunks_exact(12).for_each(starts);
+    assert!(motion.joint_position[leader] != motion.joint_position[12 + leader]);
+}

@@ -6,7 +6,7 @@
 //! `observation_terms_flatten_history_dim`, `observation_terms_clip`. The control period is not in it. Policies
 //! of motion tracking also have `anchor_body_name`.
 
-use super::{FAR, Known, names, numbers, terms};
+use super::{FAR, Known, Note, names, numbers, terms};
 use gaitfit_model::{shown, shown_number};
 use gaitfit_policy::invalid;
 use gaitfit_policy::{PolicyError, Quantity};
@@ -59,16 +59,18 @@ pub(crate) fn read(
     table.insert("observation".into(), terms.described(&histories, scales.as_deref()));
     let lacks = if scales.is_some() { "" } else { " and no scales" };
     let taken = if scales.is_some() { "" } else { " and 1" };
-    let mut notes = vec![format!(
+    let text = format!(
         "read with mjlab's metadata, which has no control period{lacks}: taken as {CONTROL_DT} s{taken}. A TOML file with \
          `file` and what is otherwise changes it"
-    )];
+    );
+    let mut notes = vec![Note { entries: &["control_dt", "observation"], text }];
     if is_guessed {
         let history = histories.first().copied().unwrap_or(1);
-        notes.push(format!(
+        let text = format!(
             "its network takes {history} times the numbers of its terms: taken as a history of {history} frames, term \
              after term"
-        ));
+        );
+        notes.push(Note { entries: &["observation"], text });
     }
     if let Some(body) = tracks {
         // Where it is shows on a robot.

@@ -12,7 +12,15 @@ pub(super) use unitree::{beside as unitree_file, read as unitree};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Known {
     pub table: toml::Table,
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
+}
+
+/// What was assumed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Note {
+    /// The entries that it is about: a description that gives them all needs no note.
+    pub entries: &'static [&'static str],
+    pub text: String,
 }
 
 /// Bounds beyond which a clipped observation counts as not clipped.

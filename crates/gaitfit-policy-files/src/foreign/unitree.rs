@@ -3,7 +3,7 @@
 //! Joints have no names in it: `joint_ids_map` gives each of the policy's joints its place in Unitree's SDK, whose lists
 //! are known here for each robot by their length. Gains are in the SDK's order, everything else in the policy's.
 
-use super::{FAR, Known, names, numbers, sdk, terms};
+use super::{FAR, Known, Note, names, numbers, sdk, terms};
 use gaitfit_policy::invalid;
 use gaitfit_policy::{PolicyError, Quantity};
 use indexmap::IndexMap;
@@ -203,10 +203,11 @@ pub(crate) fn read(text: &str) -> Result<Known, PolicyError> {
         history.insert("order".into(), order.into());
         table.insert("history".into(), toml::Value::Table(history));
     }
-    let notes = vec![format!(
+    let text = format!(
         "read with unitree_rl_lab's deploy.yaml, whose {slots} gains are taken as those of the {robot} in the order of \
          Unitree's SDK"
-    )];
+    );
+    let notes = vec![Note { entries: &["joints", "kp", "kd"], text }];
     Ok(Known { table, notes })
 }
 

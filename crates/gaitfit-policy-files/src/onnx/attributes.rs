@@ -69,14 +69,13 @@ impl Attributes {
                 Constant::read(tensor.clone()).map_err(|error| misfit(error.to_string()))
             }
             ("value_float", _) => Ok(Constant::scalar(f64::from(attribute.f))),
-            ("value_int", _) => Ok(Constant::scalar(attribute.i as f64)),
-            ("value_floats", _) => Ok(vector(attribute.floats.iter().map(|&x| f64::from(x)).collect())),
-            ("value_ints", _) => Ok(vector(attribute.ints.iter().map(|&x| x as f64).collect())),
+            ("value_int", _) => Ok(Constant { whole: true, ..Constant::scalar(attribute.i as f64) }),
+            ("value_floats", _) => {
+                let values = attribute.floats.iter().map(|&x| f64::from(x)).collect();
+                Ok(Constant { whole: false, ..Constant::wholes(values) })
+            }
+            ("value_ints", _) => Ok(Constant::wholes(attribute.ints.iter().map(|&x| x as f64).collect())),
             _ => Err(unread("its value is not a tensor of numbers")),
         }
     }
-}
-
-fn vector(values: Vec<f64>) -> Constant {
-    Constant { dims: vec![values.len()], values }
 }

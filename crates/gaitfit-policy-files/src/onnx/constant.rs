@@ -13,17 +13,27 @@ pub(super) const MAX_NUMBERS: usize = 16 << 20;
 /// Max number of numbers of a constant that is filled with one number, or counts.
 const MAX_FILLED: usize = 1 << 16;
 
+/// ONNX's data types of whole numbers: UINT8, INT8, UINT16, INT16, INT32, INT64, UINT32, UINT64.
+const WHOLE: [i64; 8] = [2, 3, 4, 5, 6, 7, 12, 13];
+
 /// A constant: its shape, and its numbers row-major, whatever their type in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant {
     pub dims: Vec<usize>,
     pub values: Vec<f64>,
+    /// Whether the file's type has whole numbers alone, which are divided as such.
+    pub whole: bool,
 }
 
 impl Constant {
     /// A single number.
     pub fn scalar(value: f64) -> Self {
-        Self { dims: Vec::new(), values: vec![value] }
+        Self { dims: Vec::new(), values: vec![value], whole: false }
+    }
+
+    /// A list of whole numbers.
+    pub fn wholes(values: Vec<f64>) -> Self {
+        Self { dims: vec![values.len()], values, whole: true }
     }
 
     /// Reads the file's form: F32, F64 (later rounded to F32), I64, I32 or truth values, in any of its
@@ -78,7 +88,7 @@ impl Constant {
                 if rest != 0 { " and a torn one" } else { "" }
             )));
         }
-        Ok(Self { dims, values })
+        Ok(Self { dims, values, whole: matches!(tensor.data_type, INT32 | INT64) })
     }
 
     /// The one number, of any shape.
@@ -96,34 +106,49 @@ impl Constant {
     }
 
     /// The result of arithmetic on constants; `None` where `operator` is not one of the few that exporters leave.
-    pub fn fold(operator: &str, inputs: &[&Constant]) -> Option<Constant> {
+    pub fn fold(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
         match (operator, inputs) {
-            ("Identity" | "Cast", [one]) => Some((*one).clone()),
+            ("Identity", [one]) => Some((*one).clone()),
+            ("Cast", [one]) => Some(one.cast(attributes.integer("to", 0))),
             ("Sqrt", [one]) => Some(one.map(f64::sqrt)),
             ("Reciprocal", [one]) => Some(one.map(f64::recip)),
             ("Neg", [one]) => Some(one.map(|x| -x)),
             ("Add", [a, b]) => a.zip(b, |a, b| a + b),
             ("Sub", [a, b]) => a.zip(b, |a, b| a - b),
             ("Mul", [a, b]) => a.zip(b, |a, b| a * b),
+            ("Div", [a, b]) if a.whole && b.whole => a.zip(b, |a, b| (a / b).trunc()),
             ("Div", [a, b]) => a.zip(b, |a, b| a / b),
             _ => None,
         }
     }
 
     fn map(&self, function: impl Fn(f64) -> f64) -> Constant {
-        Constant { dims: self.dims.clone(), values: self.values.iter().map(|&x| function(x)).collect() }
+        let values = self.values.iter().map(|&x| function(x)).collect();
+        Constant { dims: self.dims.clone(), values, whole: self.whole }
+    }
+
+    /// The numbers as those of ONNX data type `to`. Wider and narrower types of one kind count as the same.
+    fn cast(&self, to: i64) -> Constant {
+        let whole = WHOLE.contains(&to);
+        let cast = |x: f64| match whole {
+            true => x.trunc(),
+            false if to == i64::from(BOOL) => f64::from(u8::from(x != 0.0)),
+            false => x,
+        };
+        Constant { whole, ..self.map(cast) }
     }
 
     /// Element by element; one side may be a single number.
     fn zip(&self, other: &Constant, function: impl Fn(f64, f64) -> f64) -> Option<Constant> {
+        let whole = self.whole && other.whole;
         if let Some(b) = other.as_scalar() {
-            return Some(self.map(|a| function(a, b)));
+            return Some(Constant { whole, ..self.map(|a| function(a, b)) });
         }
         if let Some(a) = self.as_scalar() {
-            return Some(other.map(|b| function(a, b)));
+            return Some(Constant { whole, ..other.map(|b| function(a, b)) });
         }
         let values = self.values.iter().zip(&other.values).map(|(&a, &b)| function(a, b)).collect();
-        (self.dims == other.dims).then(|| Constant { dims: self.dims.clone(), values })
+        (self.dims == other.dims).then(|| Constant { dims: self.dims.clone(), values, whole })
     }
 }
 
@@ -134,17 +159,21 @@ pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attribut
             // A negative length saturates to 0.
             let dims: Vec<usize> = shape.values.iter().map(|&length| length as usize).collect();
             let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
-            let value = attributes.tensor("value").and_then(|value| value.as_scalar()).unwrap_or(0.0);
-            (count <= MAX_FILLED).then(|| Constant { dims, values: vec![value; count] })
+            let stated = attributes.tensor("value");
+            let whole = stated.as_ref().is_some_and(|value| value.whole);
+            let value = stated.and_then(|value| value.as_scalar()).unwrap_or(0.0);
+            (count <= MAX_FILLED).then(|| Constant { dims, values: vec![value; count], whole })
         }
         ("Range", [start, end, step]) => {
+            let whole = inputs.iter().all(|one| one.whole);
             let (start, end, step) = (start.as_scalar()?, end.as_scalar()?, step.as_scalar()?);
             // A step of 0 gives ∞ or no number, neither of which is in the range below.
             let count = ((end - start) / step).ceil();
             let values = (0.0..=MAX_FILLED as f64).contains(&count).then_some(0..count as usize)?;
             let values: Vec<f64> = values.map(|number| start + number as f64 * step).collect();
-            Some(Constant { dims: vec![values.len()], values })
+            Some(Constant { dims: vec![values.len()], values, whole })
         }
-        _ => Constant::fold(operator, inputs).or_else(|| moved(operator, inputs, attributes, MAX_NUMBERS)),
+        _ => Constant::fold(operator, inputs, attributes)
+            .or_else(|| moved(operator, inputs, attributes, MAX_NUMBERS)),
     }
 }

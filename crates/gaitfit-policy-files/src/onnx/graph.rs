@@ -125,6 +125,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
         numbers: model.constants.values().map(|constant| constant.values.len()).sum(),
         head: input.name.clone(),
         states,
+        memories: model.nodes.iter().filter(|node| is_recurrent(&node.op_type)).count(),
         steps: false,
         input_width: last_dimension(input)?,
         chain: Chain::default(),
@@ -182,6 +183,8 @@ pub(super) struct Walk {
     pub(super) head: String,
     /// States of the graph before its last run and after this one, by name.
     pub(super) states: HashMap<String, Remembered>,
+    /// Layers with a memory in the graph.
+    pub(super) memories: usize,
     /// Whether the chain's value has an axis of time steps before its rows.
     pub(super) steps: bool,
     /// The observation's width, where the file states it.
@@ -214,7 +217,7 @@ impl Walk {
         if is_recurrent(&node.op_type) {
             return self.recurrent(node, &attributes);
         }
-        if self.remembers(node) {
+        if self.remembers(node, &attributes) {
             return Ok(());
         }
         // A part that no action needs may be computed by operators that are not read, such as a standard
@@ -239,7 +242,7 @@ impl Walk {
         if !inputs.contains(&self.head.as_str()) {
             let constants: Vec<&Constant> =
                 inputs.iter().filter_map(|&name| self.constants.get(name)).collect();
-            let folded = Constant::fold(&node.op_type, &constants)
+            let folded = Constant::fold(&node.op_type, &constants, &attributes)
                 .or_else(|| moved(&node.op_type, &constants, &attributes, MAX_MOVED))
                 .ok_or_else(|| unread(format!("it computes a constant; only {UNDERSTOOD} is read")))?;
             return self.keep(output, folded);
@@ -350,7 +353,7 @@ impl Walk {
                 let other = constant(usize::from(first))
                     .ok_or(misfit("it needs a constant beside the layers' value"))?;
                 let inverse = |name: &str, constant: &Constant| {
-                    Constant::fold(name, &[constant]).ok_or(misfit("its constant cannot be used"))
+                    Constant::fold(name, &[constant], attributes).ok_or(misfit("its constant cannot be used"))
                 };
                 match (node.op_type.as_str(), first) {
                     ("Add", _) => self.chain.elementwise(&one, other),

@@ -86,7 +86,11 @@ fn axes(inputs: &[&Constant], attributes: &Attributes) -> Option<Vec<i64>> {
 /// Returns the same numbers in another shape; `None` if it has another count.
 fn shaped(constant: &Constant, dims: Vec<usize>) -> Option<Constant> {
     let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
-    (count == constant.values.len()).then(|| Constant { dims, values: constant.values.clone() })
+    (count == constant.values.len()).then(|| Constant {
+        dims,
+        values: constant.values.clone(),
+        whole: constant.whole,
+    })
 }
 
 fn reshape(constant: &Constant, asked: &[f64]) -> Option<Constant> {
@@ -136,7 +140,7 @@ fn taken(constant: &Constant, axis: usize, places: &[usize], max: usize) -> Opti
     }
     let mut dims = constant.dims.clone();
     dims[axis] = places.len();
-    Some(Constant { dims, values })
+    Some(Constant { dims, values, whole: constant.whole })
 }
 
 /// `Slice` with its limits as inputs, or as attributes as before operator set 10; in steps of one or backwards.
@@ -258,7 +262,7 @@ fn concat(inputs: &[&Constant], axis: usize, max: usize) -> Option<Constant> {
     }
     let mut dims = first.dims.clone();
     dims[axis] = inputs.iter().map(|one| one.dims[axis]).sum();
-    Some(Constant { dims, values })
+    Some(Constant { dims, values, whole: first.whole })
 }
 
 fn transpose(constant: &Constant, order: &[usize]) -> Option<Constant> {
@@ -281,5 +285,5 @@ fn transpose(constant: &Constant, order: &[usize]) -> Option<Constant> {
         }
         values.push(*constant.values.get(from)?);
     }
-    Some(Constant { dims, values })
+    Some(Constant { dims, values, whole: constant.whole })
 }

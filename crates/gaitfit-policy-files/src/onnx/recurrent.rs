@@ -25,15 +25,22 @@ pub(super) fn is_recurrent(operator: &str) -> bool {
 
 impl Walk {
     /// Whether the node only passes on what is remembered. Its outputs then are states too.
-    pub(super) fn remembers(&mut self, node: &Node) -> bool {
+    pub(super) fn remembers(&mut self, node: &Node, attributes: &Attributes) -> bool {
         let passes =
             ["Slice", "Gather", "Squeeze", "Unsqueeze", "Identity", "Concat", "Split", "Transpose", "Cast"];
         let known = node.input.first().and_then(|name| self.states.get(name)).copied();
         let Some(mut state) = known.filter(|_| passes.contains(&node.op_type.as_str())) else { return false };
         let index = node.input.get(1).and_then(|name| self.constants.get(name)).and_then(Constant::as_scalar);
-        // Layers lie along a state's first axis: the cut's beginning is the layer's number.
+        // Before operator set 10 a slice's beginning is an attribute.
+        let index = index.or_else(|| attributes.one_of("starts").map(|start| start as f64));
+        // Layers lie along a state's first axis: the cut's beginning is the layer's number, from the end if it is negative.
         if matches!(node.op_type.as_str(), "Slice" | "Gather") {
-            state.layer = index.filter(|&index| index >= 0.0).map(|index| index as usize);
+            let from = |index: f64| if index < 0.0 { self.memories as f64 } else { 0.0 };
+            // A number before the first layer is no layer's.
+            state.layer = index.map(|index| match index + from(index) {
+                layer if layer >= 0.0 => layer as usize,
+                _ => usize::MAX,
+            });
         }
         for (number, output) in node.output.iter().enumerate() {
             if node.op_type == "Split" {

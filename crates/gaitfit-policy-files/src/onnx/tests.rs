@@ -1,12 +1,14 @@
 //! Graphs that are not what is read here.
 
+use super::constant::Constant;
 use super::graph::{decode, walk};
 use super::proto::{
     Attribute, DOUBLE, Dimension, FLOAT, Graph, INT64, Model, Node, Tensor, TensorShape, TensorType, Type,
     ValueInfo,
 };
+use super::write_memory::remember;
 use super::write_network;
-use gaitfit_policy::network::{Activation, Network, Scratch, Shape};
+use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentShape, Scratch, Shape};
 use prost::Message;
 
 pub(super) fn node(operator: &str, inputs: &[&str], output: &str) -> Node {
@@ -194,6 +196,31 @@ fn double_precision_is_rounded() {
     let bytes = model(&[node("MatMul", &["x", "w"], "y")], &[double]);
     let network = walk(&decode(&bytes, None).unwrap()).unwrap().read(None).unwrap().network;
     assert_eq!(network.parameters[..6], [0.1_f32; 6]);
+}
+
+#[test]
+fn layers_take_their_own_states_also_if_these_are_counted_from_the_end() {
+    let shape = RecurrentShape { cell: Cell::Gru, inputs: 2, hidden: vec![3, 3] };
+    let memory = Recurrent::random(&shape, 1, 0);
+    let walked = |starts: [f64; 2]| {
+        let (mut nodes, mut parts) = (Vec::new(), Vec::new());
+        let head = remember(&mut nodes, &mut parts, &memory, "x".to_owned());
+        nodes.push(node("MatMul", &[&head, "v"], "y"));
+        let mut decoded = decode(&model(&nodes, &constants()), None).unwrap();
+        for bytes in &parts {
+            let tensor = Tensor::decode(bytes.as_slice()).unwrap();
+            decoded.constants.insert(tensor.name.clone(), Constant::read(tensor).unwrap());
+        }
+        for (place, start) in starts.into_iter().enumerate() {
+            decoded.constants.insert(format!("memory.place_{place}"), Constant::wholes(vec![start]));
+        }
+        decoded.inputs.push(ValueInfo { name: "h_in".into(), kind: None });
+        walk(&decoded).map(|_| ()).map_err(|error| error.to_string())
+    };
+    assert_eq!([walked([0.0, 1.0]), walked([-2.0, -1.0]), walked([0.0, -1.0])], [Ok(()), Ok(()), Ok(())]);
+    for swapped in [[1.0, 0.0], [-1.0, -2.0], [-1.0, 0.0], [-3.0, 1.0]] {
+        assert!(walked(swapped).unwrap_err().contains("another layer's state"), "{swapped:?}");
+    }
 }
 
 #[test]

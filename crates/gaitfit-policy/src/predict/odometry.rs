@@ -7,7 +7,7 @@
 
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{Vec3, add, cross, dot, rotate, rotate_back, sub};
-use gaitfit_model::{GRAVITY, Model, Shape};
+use gaitfit_model::{Model, Shape};
 use gaitfit_sim::Motion;
 
 use super::Course;
@@ -66,7 +66,8 @@ impl Feet {
             Foot { body: geom.body, place: geom.pos, forces: foot.geoms.clone(), joints: path, wheel }
         };
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
-        Self { feet: walker.feet.iter().map(foot).collect(), least_load: CARRIED * mass * GRAVITY }
+        let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
+        Self { feet: walker.feet.iter().map(foot).collect(), least_load: CARRIED * mass * gravity }
     }
 }
 

@@ -100,7 +100,23 @@ DEVICE void start_episode(
             drawn = drawn > JOINT[j].range[1] ? JOINT[j].range[1] : drawn;
         }
         placing.angles[j] = drawn;
-        double by = drawn - JOINT[j].reference, half = 0.5 * by;
+    }
+#if COUPLINGS > 0
+    __syncthreads();
+    // A leader may follow another joint, whose coupling may come later.
+    for (int turn = 0; thread == 0 && turn < COUPLINGS; turn++) {
+        for (int k = 0; k < COUPLINGS; k++) {
+            Coupling coupling = COUPLING[k];
+            int leader = coupling.leader;
+            double x = leader < 0 ? 0.0 : placing.angles[leader] - JOINT[leader].reference, follow = 0.0;
+            for (int power = 4; power >= 0; power--) follow = follow * x + coupling.polynomial[power];
+            placing.angles[coupling.follower] = JOINT[coupling.follower].reference + follow;
+        }
+    }
+    __syncthreads();
+#endif
+    for (int j = thread; j < JOINTS; j += threads) {
+        double by = placing.angles[j] - JOINT[j].reference, half = 0.5 * by;
         placing.moves[2 * j] = JOINT[j].slides ? 0.0 : cos(half);
         placing.moves[2 * j + 1] = JOINT[j].slides ? by : sin(half);
     }

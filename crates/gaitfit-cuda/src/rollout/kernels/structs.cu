@@ -33,6 +33,11 @@ struct Joint {
     double range[2];
     int slides;
 };
+// A joint that follows another one (leader -1: it is held): its distance from its reference by powers of the leader's.
+struct Coupling {
+    int follower, leader;
+    double polynomial[5];
+};
 // A part of the way from the base to a geom: whether a body's frame in its parent's comes first, and that frame; then a joint
 // (-1: none), its anchor and axis in the body's frame, and whether it slides.
 struct Link {

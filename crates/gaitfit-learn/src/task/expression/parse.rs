@@ -281,15 +281,6 @@ impl Parser<'_> {
     fn quantity(&mut self, at: usize, quantity: Quantity) -> Read<Part> {
         let names = quantity.elements().names(self.names);
         let mut places = quantity.places(self.names);
-        // A robot may have no such elements at all, for example no feet.
-        if quantity.elements() != Elements::None && places.is_empty() {
-            let problem = Problem::NoElement {
-                pattern: "*".to_owned(),
-                quantity: quantity.name(),
-                names: vec!["none".to_owned()],
-            };
-            return self.wrong(at, problem);
-        }
         let bracket = self.at();
         if self.take("[") {
             if quantity.elements() == Elements::None {
@@ -318,6 +309,14 @@ impl Parser<'_> {
             }
             self.expect("]")?;
             places = (0..names.len()).filter(|&place| picked[place]).collect();
+        } else if places.is_empty() {
+            // A robot may have no such elements at all, for example no angles but those of wheels.
+            let problem = Problem::NoElement {
+                pattern: "*".to_owned(),
+                quantity: quantity.name(),
+                names: vec!["none".to_owned()],
+            };
+            return self.wrong(at, problem);
         }
         let width = places.len();
         self.part(at, Node::Quantity(quantity, places), width)

@@ -67,8 +67,11 @@ impl Quantity {
     /// wheels turn without end.
     pub(super) fn places(self, names: &Names<'_>) -> Vec<usize> {
         let angles = matches!(self, Self::Qpos | Self::DefaultPose | Self::Target);
-        let all = 0..self.elements().names(names).len().max(1);
-        all.filter(|place| !(angles && names.velocity_joints.contains(place))).collect()
+        let count = match self.elements() {
+            Elements::None => 1,
+            elements => elements.names(names).len(),
+        };
+        (0..count).filter(|place| !(angles && names.velocity_joints.contains(place))).collect()
     }
 }
 

@@ -56,10 +56,10 @@ impl Environment<'_> {
         }
     }
 
-    /// Takes up saved ways; false if some cannot be.
-    pub(in crate::task) fn restore_ways(&mut self, numbers: &[f32]) -> bool {
-        let saved = numbers.as_chunks::<3>().0;
-        (0..self.ways.len()).zip(saved).all(|(index, numbers)| self.restore_way(index, numbers))
+    /// The saved ways of all environments; `None` if some cannot be.
+    pub(in crate::task) fn saved_ways(&self, numbers: &[f32]) -> Option<Vec<Way>> {
+        let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
+        numbers.as_chunks::<3>().0.iter().map(|numbers| Way::from_numbers(numbers, levels)).collect()
     }
 
     /// Takes up the saved way of environment `index`; false if it cannot be.

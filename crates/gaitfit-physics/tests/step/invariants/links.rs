@@ -94,10 +94,21 @@ fn every_link_is_one_that_there_can_be() {
         (JointParameter::LinkMass, f64::INFINITY, "finite"),
         (JointParameter::LinkComX, f64::NEG_INFINITY, "finite"),
         (JointParameter::LinkComZ, f64::NAN, "a number"),
+        (JointParameter::Kp, f64::INFINITY, "finite"),
+        (JointParameter::Stiffness, f64::NEG_INFINITY, "finite"),
     ] {
         let mut robot = Robot::nominal(&model);
         robot.joints_mut(parameter)[2] = value;
         let error = robot.params(&model).unwrap_err().to_string();
         assert!(error.contains(parameter.name()) && error.contains(word), "{error}");
     }
+    let wrong = |name: &str, change: fn(&mut Robot)| {
+        let mut robot = Robot::nominal(&model);
+        change(&mut robot);
+        let error = robot.params(&model).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains("finite"), "{error}");
+    };
+    wrong("base_mass", |robot| robot.base_mass = f64::INFINITY);
+    wrong("base_com", |robot| robot.base_com[1] = f64::NAN);
+    wrong("payload_position", |robot| robot.payload_position[2] = f64::INFINITY);
 }

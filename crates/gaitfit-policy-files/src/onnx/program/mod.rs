@@ -208,7 +208,7 @@ impl Program {
         }
         let dims = self.dims(node, 0)?;
         let constant = if node.op_type == "Size" {
-            Constant::scalar(dims.iter().product::<usize>() as f64)
+            Constant { whole: true, ..Constant::scalar(dims.iter().product::<usize>() as f64) }
         } else {
             let place = |key: &str, other: usize| {
                 let place = attributes.integer(key, other as i64);
@@ -217,7 +217,7 @@ impl Program {
             };
             let (start, end) = (place("start", 0), place("end", dims.len()));
             let part = dims.get(start..end.max(start)).unwrap_or_default();
-            Constant { dims: vec![part.len()], values: part.iter().map(|&length| length as f64).collect() }
+            Constant::wholes(part.iter().map(|&length| length as f64).collect())
         };
         self.keep(&node.output[0], constant)?;
         Ok(true)
@@ -348,7 +348,7 @@ impl Program {
                 // Later nodes may need it as a constant: a shape, an axis, a weight.
                 let values = self.plan.constants[placed].iter().map(|&x| f64::from(x)).collect();
                 self.placed.insert(name.clone(), placed);
-                self.keep(name, Constant { dims: value.dims, values })
+                self.keep(name, Constant { dims: value.dims, values, whole: false })
             }
         }
     }

@@ -39,7 +39,7 @@ impl Program {
 
     /// The numbers of `inputs` whose places `moved` lists, counted on through all inputs.
     fn taken(&mut self, inputs: &[Value], moved: Constant) -> Result<Value, NodeError> {
-        let Constant { dims, values } = moved;
+        let Constant { dims, values, .. } = moved;
         if let [one] = inputs
             && values.len() == one.dims.iter().product::<usize>()
             // Nothing moved: only the shape changes, which costs no step.
@@ -107,7 +107,7 @@ impl Program {
         let places = numbered(&input.dims, 0).ok_or(misfit("its input has too many numbers"))?;
         let mut start = 0;
         for (number, &size) in sizes.iter().enumerate().take(node.output.len()) {
-            let bound = |place: usize| Constant { dims: vec![1], values: vec![place as f64] };
+            let bound = |place: usize| Constant::wholes(vec![place as f64]);
             let cut = [bound(start), bound(start + size), bound(axis)];
             start += size;
             // A part without numbers gets no value; a node that takes it is refused.
@@ -126,5 +126,6 @@ impl Program {
 /// Places of a value of the shape `dims` as a constant of that shape, from `start` on.
 fn numbered(dims: &[usize], start: usize) -> Option<Constant> {
     let count = count(dims)?;
-    Some(Constant { dims: dims.to_vec(), values: (start..start + count).map(|place| place as f64).collect() })
+    let places = (start..start + count).map(|place| place as f64).collect();
+    Some(Constant { dims: dims.to_vec(), ..Constant::wholes(places) })
 }

@@ -66,6 +66,34 @@ fn a_value_is_used_twice() {
 }
 
 #[test]
+fn whole_numbers_are_divided_and_cast_towards_zero() {
+    let of = |number: Attribute, name: &str| with(node("Constant", &[], name), number);
+    let float = |f: f32| Attribute { name: "value_float".into(), f, ..Attribute::default() };
+    let cast = |from: &str, to: i64, name: &str| with(node("Cast", &[from], name), integer("to", to));
+    // −7 / 2 is −3, and −2.7 is −2: the actions are x w times their sum, −5.
+    let nodes = [
+        of(integer("value_int", -7), "seven"),
+        of(integer("value_int", 2), "by"),
+        node("Div", &["seven", "by"], "three"),
+        of(float(-2.7), "long"),
+        cast("long", 7, "short"),
+        node("Add", &["three", "short"], "sum"),
+        cast("sum", 1, "factor"),
+        node("MatMul", &["x", "w"], "h"),
+        node("Mul", &["h", "factor"], "y"),
+    ];
+    assert_eq!(act(&nodes, &[1.0, 0.0]), [-5.0, -10.0, -15.0]);
+    // Numbers with fractions keep them.
+    let halves = [
+        of(float(7.0), "seven"),
+        node("Div", &["seven", "two"], "factor"),
+        node("MatMul", &["x", "w"], "h"),
+        node("Mul", &["h", "factor"], "y"),
+    ];
+    assert_eq!(act(&halves, &[1.0, 0.0]), [3.5, 7.0, 10.5]);
+}
+
+#[test]
 fn a_dead_branch_may_hold_anything() {
     let nodes = [node("NonZero", &["x"], "unused"), node("MatMul", &["x", "w"], "y")];
     assert_eq!(act(&nodes, &[1.0, 1.0]), [5.0, 7.0, 9.0]);
