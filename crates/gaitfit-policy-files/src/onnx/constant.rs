@@ -106,7 +106,7 @@ impl Constant {
     }
 
     /// The result of arithmetic on constants; `None` where `operator` is not one of the few that exporters leave.
-    pub fn fold(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
+    pub(super) fn fold(operator: &str, inputs: &[&Constant], attributes: &Attributes) -> Option<Constant> {
         match (operator, inputs) {
             ("Identity", [one]) => Some((*one).clone()),
             ("Cast", [one]) => Some(one.cast(attributes.integer("to", 0))),
