@@ -64,6 +64,7 @@ pub mod patterns;
 mod picture;
 mod read;
 mod replicate;
+mod root;
 pub mod rotation;
 mod scan;
 mod self_contact;

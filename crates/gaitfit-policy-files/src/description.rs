@@ -1,7 +1,7 @@
 //! A policy trained elsewhere, described in TOML: everything that its weights do not say.
 
 use super::file::{bytes, ending};
-use super::layers::{assemble, take_apart};
+use super::normalised::normalised;
 use super::tensors::Tensors;
 use super::{
     DescribedTerm, EncoderTensors, MemoryTensors, NormaliserTensors, PerJoint, ReferenceSource, onnx, torch,
@@ -413,42 +413,4 @@ fn clipped(interface: &mut Interface, clip: Vec<f64>) -> String {
     let seen = interface.observation.iter().any(|term| term.quantity == Quantity::LastAction);
     let seen = if seen { "; last_action is observed before the clip" } else { "" };
     format!("its graph clips the actions: read as action_clip ({shown}){seen}")
-}
-
-/// The network of `prefix`, its normaliser made part of the first layer.
-fn normalised(
-    tensors: &mut Tensors<'_>,
-    prefix: &str,
-    (activation, epsilon): (Activation, f32),
-    normaliser: Option<&NormaliserTensors>,
-) -> Result<Network, PolicyError> {
-    let network = tensors.network(prefix, activation, epsilon)?;
-    let Some(names) = normaliser else { return Ok(network) };
-    if !(0.0..=1e3).contains(&names.epsilon) {
-        let epsilon = names.epsilon;
-        return Err(invalid(format!("epsilon of the normaliser is {epsilon}; give 0 to 1000")));
-    }
-    let (mean, std) = (tensors.vector(&names.mean)?, tensors.vector(&names.std)?);
-    for (name, values) in [(&names.mean, &mean), (&names.std, &std)] {
-        if values.len() != network.shape.inputs {
-            return Err(invalid(format!(
-                "tensor {name} has {} numbers, {prefix} takes {}",
-                values.len(),
-                network.shape.inputs
-            )));
-        }
-    }
-    if let Some(&found) = std.iter().find(|&&std| !(std >= 0.0 && std + names.epsilon > 0.0)) {
-        let name = &names.std;
-        return Err(invalid(format!(
-            "tensor {name} has a standard deviation of {found}; with epsilon it must be above 0"
-        )));
-    }
-    let factor: Vec<f64> = std.iter().map(|std| 1.0 / (std + names.epsilon)).collect();
-    let offset: Vec<f64> = mean.iter().zip(&factor).map(|(mean, factor)| -mean * factor).collect();
-    let mut layers = take_apart(&network);
-    if let Some(first) = layers.first_mut() {
-        *first = first.behind(&factor, &offset);
-    }
-    assemble(&layers, activation, network.norms)
 }

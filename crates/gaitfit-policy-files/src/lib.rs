@@ -15,6 +15,7 @@ mod foreign;
 mod layers;
 mod messages;
 mod motion;
+mod normalised;
 pub mod onnx;
 mod read;
 mod tensors;

@@ -1,60 +1,10 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
 use crate::observation::Layout;
+use crate::term::{Term, width};
 use crate::{ActionClip, FrameOrder, Held, History, Quantity, Reference, Source};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
-
-/// One part of an observation.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Term {
-    /// What is observed.
-    pub quantity: Quantity,
-    /// Factor on it: one number for all its elements, or one an element; none means 1.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub scale: Vec<f32>,
-    /// Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub history: usize,
-    /// Control periods by which the reference motion is read ahead; for quantities of the motion.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub ahead: usize,
-}
-
-impl Term {
-    /// `quantity` as it is now, with a factor of 1.
-    pub fn new(quantity: Quantity) -> Self {
-        Self { quantity, scale: Vec::new(), history: 1, ahead: 0 }
-    }
-
-    /// With these factors.
-    pub fn scaled(self, scale: &[f32]) -> Self {
-        Self { scale: scale.to_vec(), ..self }
-    }
-
-    /// With so many frames.
-    pub fn with_history(self, history: usize) -> Self {
-        Self { history, ..self }
-    }
-
-    /// Numbers it takes for a robot of `joints` joints, all frames together.
-    pub fn width(&self, joints: usize) -> usize {
-        self.quantity.width(joints).saturating_mul(self.history)
-    }
-}
-
-fn one() -> usize {
-    1
-}
-
-fn is_one(history: &usize) -> bool {
-    *history == 1
-}
-
-fn is_zero(ahead: &usize) -> bool {
-    *ahead == 0
-}
 
 /// What a policy sees and what its outputs mean. Per-joint vectors are in the order of `joints`.
 ///
@@ -442,10 +392,6 @@ fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
         }
         _ => Ok(()),
     }
-}
-
-fn width(terms: &[Term], joints: usize) -> usize {
-    terms.iter().fold(0, |sum: usize, term| sum.saturating_add(term.width(joints)))
 }
 
 /// Advice for an unknown name: the known one that is nearest, or what there is.

@@ -23,6 +23,7 @@ mod policy;
 pub mod predict;
 mod quantity;
 mod reference;
+mod term;
 mod velocity_joints;
 pub mod walker;
 
@@ -33,8 +34,9 @@ pub use function::{Act, Function};
 pub use graph::{Frames, Graph, Inputs, Taken};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
-pub use interface::{Interface, InterfaceError, Term};
+pub use interface::{Interface, InterfaceError};
 pub use pilot::{Pilot, clock, target};
 pub use policy::{Policy, Provenance, RobotFile};
 pub use quantity::{OfBase, Quantity, Source, Width};
 pub use reference::{AnchorJoint, MotionPlace, Reference};
+pub use term::Term;
