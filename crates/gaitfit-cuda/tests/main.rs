@@ -14,6 +14,7 @@ mod fit_replay;
 mod host;
 mod kernels;
 mod ppo_device;
+mod ppo_functions;
 mod ppo_host;
 mod ppo_memory;
 mod ppo_shares;
