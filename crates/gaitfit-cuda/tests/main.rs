@@ -15,6 +15,7 @@ mod host;
 mod kernels;
 mod motions;
 mod ppo_device;
+mod ppo_functions;
 mod ppo_host;
 mod ppo_memory;
 mod ppo_shares;

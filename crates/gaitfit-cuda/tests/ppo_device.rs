@@ -6,13 +6,28 @@ use crate::reference;
 use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision, Share};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_learn::ppo::{self, MemorySettings, Samples, Settings, UpdateError, Widths, bench::synthetic};
-use gaitfit_policy::network::Cell;
+use gaitfit_policy::network::{Activation, Cell};
 
 const WIDTHS: Widths = Widths { observation: 45, critic_observation: 48, action: 12 };
 
 /// A learner that has learned once, and its samples.
 pub fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
-    let mut learner = ppo::Learner::new(settings, WIDTHS, 5).unwrap();
+    samples_for(ppo::Learner::new(settings, WIDTHS, 5).unwrap(), tiles)
+}
+
+/// The same learner, whose actor has a function of its output.
+fn bounded(settings: Settings, output: Activation) -> ppo::Learner {
+    // A learner from networks has no normalisers.
+    let settings = Settings { normalise_observations: false, ..settings };
+    let learner = ppo::Learner::new(settings.clone(), WIDTHS, 5).unwrap();
+    let mut actor = learner.actor().clone();
+    actor.output = Some(output);
+    let networks = [actor, learner.critic().clone()];
+    let memories = [learner.actor_memory().cloned(), learner.critic_memory().cloned()];
+    ppo::Learner::with_memories(settings, WIDTHS, 5, networks, memories, vec![-0.5; WIDTHS.action]).unwrap()
+}
+
+fn samples_for(mut learner: ppo::Learner, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
     learner.update(&mut synthetic(&learner, 1, 256, 24, 1), 0, 8).unwrap();
     let samples = synthetic(&learner, tiles, 256, 24, 3);
     (learner, samples)
@@ -40,7 +55,21 @@ pub fn distance(a: impl IntoIterator<Item = f64>, b: &[f64]) -> f64 {
 fn gpu_gradient_is_that_of_f64() {
     let settings =
         Settings { epochs: 1, minibatches: 1, normalise_observations: true, ..Settings::default() };
-    let (cpu, mut tiles) = problem(settings, 1);
+    gradient_is_that_of_f64(problem(settings, 1));
+}
+
+/// Swish layers and a tanh of the output, as Brax and MuJoCo Playground have them; and GELU.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_gradient_with_silu_gelu_and_a_bounded_output_is_that_of_f64() {
+    for activation in [Activation::Silu, Activation::Gelu] {
+        let settings = Settings { epochs: 1, minibatches: 1, activation, ..Settings::default() };
+        println!("{activation}");
+        gradient_is_that_of_f64(samples_for(bounded(settings, Activation::Tanh), 1));
+    }
+}
+
+fn gradient_is_that_of_f64((cpu, mut tiles): (ppo::Learner, Vec<Samples>)) {
     let device = Device::open(0).unwrap();
     for (precision, limit) in [(Precision::F32, 3e-6), (Precision::Tf32, 3e-3), (Precision::Bf16, 2e-2)] {
         let mut learner = Learner::new(&device, &cpu, batch(1), precision).unwrap();
@@ -62,17 +91,22 @@ fn gpu_update_is_the_cpus_and_its_own_bits_again() {
     let memory = |cell: Cell, layers: usize| Some(MemorySettings { cell, width: 64, layers });
     for memory in [None, memory(Cell::Gru, 1), memory(Cell::Lstm, 2)] {
         println!("{memory:?}");
-        update_is_the_cpus(Settings {
-            epochs: 2,
-            normalise_observations: true,
-            memory,
-            ..Settings::default()
-        });
+        let settings = Settings { epochs: 2, normalise_observations: true, memory, ..Settings::default() };
+        update_is_the_cpus(problem(settings, 4));
     }
 }
 
-fn update_is_the_cpus(settings: Settings) {
-    let (mut cpu, mut tiles) = problem(settings, 4);
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_update_with_silu_and_a_bounded_output_is_the_cpus() {
+    for memory in [None, Some(MemorySettings { cell: Cell::Gru, width: 64, layers: 1 })] {
+        println!("{memory:?}");
+        let settings = Settings { epochs: 2, activation: Activation::Silu, memory, ..Settings::default() };
+        update_is_the_cpus(samples_for(bounded(settings, Activation::Tanh), 4));
+    }
+}
+
+fn update_is_the_cpus((mut cpu, mut tiles): (ppo::Learner, Vec<Samples>)) {
     let device = Device::open(0).unwrap();
     let before = flat(&cpu);
     let mut updates = Vec::new();

@@ -2,13 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use crate::host;
+use crate::ppo_functions::{compare_foreign, foreign};
 use crate::ppo_host::{
     BATCH, LIMITS, WIDTHS, arrays, compare, compare_on, distance, problem, remembered, samples_for, settings,
 };
 
 use gaitfit_cuda::ppo::{Array, Id, Kind, Limits, Precision, Prepared, Value};
 use gaitfit_learn::ppo::{Learner, MemorySettings, Samples, Settings};
-use gaitfit_policy::network::{Cell, Memory};
+use gaitfit_policy::network::{Activation, Cell, Memory};
 use host::{bytes, floats};
 
 #[test]
@@ -27,6 +28,15 @@ fn long_cxx_update_with_other_memories_is_the_cpus() {
 fn with_memory(cell: Cell, layers: usize) {
     let memory = Some(MemorySettings { cell, width: 10, layers });
     compare(Settings { memory, ..settings() }, 3, [0, 0], Precision::F32, 2e-5);
+}
+
+/// Behind a memory the derivatives by the first layer's input follow those that hidden layers keep.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_update_with_a_memory_silu_and_a_bounded_output_is_the_cpus() {
+    let memory = Some(MemorySettings { cell: Cell::Gru, width: 10, layers: 1 });
+    let settings = Settings { memory, activation: Activation::Silu, ..settings() };
+    compare_foreign(foreign(settings, Activation::Silu, Some(Activation::Tanh)), Precision::F32, 2e-5);
 }
 
 #[test]

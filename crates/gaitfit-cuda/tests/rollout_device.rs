@@ -13,7 +13,7 @@ use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
-use gaitfit_policy::network::Cell;
+use gaitfit_policy::network::{Activation, Cell};
 use gaitfit_policy::{Quantity, Term};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 
@@ -223,6 +223,39 @@ fn gpu_trainings_with_a_memory_are_the_cpus() {
             assert_eq!(trainer.iterate().unwrap().diagnostics, outcome.diagnostics);
             trainer.load(&mut again).unwrap();
         }
+    }
+}
+
+/// SiLU layers and a tanh of the output. A rollout and the first gradient step have the same means, so no sample is
+/// outside the clip.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_training_with_silu_and_a_bounded_output_is_the_cpus() {
+    let device = Device::open(0).unwrap();
+    let task = changed(|settings| settings.episode_seconds = 0.2);
+    let ppo = Settings { activation: Activation::Silu, epochs: 1, minibatches: 1, ..Settings::default() };
+    let settings = TrainingSettings { environments: 300, steps: 12, iterations: 100 };
+    for precision in [Precision::F32, Precision::Tf32, Precision::Bf16] {
+        let training = || {
+            let learner = Training::fresh_learner(&task, &ppo, SEED).unwrap();
+            let mut actor = learner.actor().clone();
+            actor.output = Some(Activation::Tanh);
+            let networks = [actor, learner.critic().clone()];
+            let log_std = vec![-0.5; learner.widths().action];
+            let widths = learner.widths();
+            let learner =
+                Learner::with_memories(ppo.clone(), widths, SEED, networks, [None, None], log_std).unwrap();
+            Training::new(&task, None, &settings, learner, SEED).unwrap()
+        };
+        let (mut cpu, mut gpu) = (training(), training());
+        let mut trainer = Trainer::new(&device, &mut gpu, precision).unwrap();
+        let (wanted, outcome) = (cpu.iterate(8).unwrap(), trainer.iterate().unwrap());
+        let (got, wanted) = (outcome.diagnostics, wanted.diagnostics);
+        println!("{precision:?}: {got:?}\n{wanted:?}");
+        assert!(got.clip_fraction == 0.0 && got.approx_kl_k3.abs() < 1e-9, "{got:?}");
+        let near = |got: f64, want: f64| assert!((got - want).abs() < 0.05 * want.abs(), "{got} {want}");
+        near(got.value_loss, wanted.value_loss);
+        near(got.gradient_norm, wanted.gradient_norm);
     }
 }
 

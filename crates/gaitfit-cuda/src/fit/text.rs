@@ -38,6 +38,7 @@ pub(super) fn program(scene: &Scene<'_>, logs: bool, rows: usize, group: usize) 
                 include_str!("../rollout/kernels/targets.cu"),
                 include_str!("../rollout/kernels/falls.cu"),
                 include_str!("kernels/places.cu"),
+                include_str!("../activations.cuh"),
                 include_str!("../networks/kernels/network.cu"),
                 include_str!("kernels/walk.cu"),
                 include_str!("kernels/disturb.cu"),

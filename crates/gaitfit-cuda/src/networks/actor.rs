@@ -65,6 +65,7 @@ impl ActorPlan {
         words.define("OBSERVATION", observation);
         words.define("ACTIONS", actions);
         networks.write(&mut words, policy, blocks);
+        words.text.push_str(include_str!("../activations.cuh"));
         words.text.push_str(include_str!("kernels/network.cu"));
         words.text.push_str(include_str!("kernels/decide.cu"));
         let rows = environments * steps;

@@ -40,9 +40,6 @@ pub enum PpoError {
         /// At most.
         max: usize,
     },
-    /// Something that only the CPU learns.
-    #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
-    Unsupported(String),
     /// Samples of another size than the learner was made for.
     #[error("the samples are of {found} tiles, steps and environments, the learner was made for {expected}")]
     Batch {

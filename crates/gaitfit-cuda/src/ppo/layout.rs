@@ -39,6 +39,11 @@ pub(super) struct NetLayout {
     pub end: usize,
     /// Bytes of shared memory that a sample takes, with what the network gives.
     pub bytes: usize,
+    /// Derivatives of a sample that hidden layers keep in the GPU's memory for the way back, numbers, as the layers'
+    /// rows lie in shared memory; 0 where the derivatives follow from the layers' outputs.
+    pub kept: usize,
+    /// Numbers in a word.
+    pub per_word: usize,
     /// Where each layer's matrix for the way forth begins in the copies, words.
     pub weights: Vec<usize>,
     /// Where each layer's bias begins in the copies.
@@ -110,6 +115,8 @@ impl NetLayout {
             places.push(end);
             end += width;
         }
+        let keeps = !shape.activation.slope_follows_from_output();
+        let kept = if keeps { places[layers.len()] - places[1] } else { 0 };
         // The output of a network is in f32: behind the others, where those are in bf16.
         let given = if bf16 { apart.last().copied().unwrap_or(0) } else { 0 };
         let bytes = (end / per_word + given) * size_of::<f32>();
@@ -152,6 +159,8 @@ impl NetLayout {
             places,
             end,
             bytes,
+            kept,
+            per_word,
             weights,
             biases,
             backs,
@@ -186,7 +195,12 @@ mod tests {
         let shape = Shape { inputs: 5, hidden: vec![33, 7], outputs: 2, activation: Activation::Elu };
         let layout = NetLayout::new(&shape, Precision::F32);
         assert_eq!(layout.padded, [32, 64, 32, 32]);
-        assert_eq!((layout.end, layout.bytes), (160, 4 * 160));
+        assert_eq!((layout.end, layout.bytes, layout.kept), (160, 4 * 160, 0));
+        // Derivatives of the functions of hidden layers, not of the input and the output.
+        let silu = Shape { activation: Activation::Silu, ..shape.clone() };
+        assert_eq!(NetLayout { kept: 96, ..layout.clone() }, NetLayout::new(&silu, Precision::F32));
+        let none = Shape { hidden: Vec::new(), ..silu };
+        assert_eq!(NetLayout::new(&none, Precision::Bf16).kept, 0);
         let areas = 32 * 64 + 64 * 32 + 32 * 32;
         assert_eq!((layout.packed, layout.gradient), (2 * areas + 128, areas + 128));
         let places = |places: &[u32], max: usize| {

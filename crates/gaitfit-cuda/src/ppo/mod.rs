@@ -28,7 +28,6 @@ pub use layout::TooWide;
 pub use learner::Learner;
 pub(crate) use learner::NO_EXPLORATION;
 pub use plan::Plan;
-pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};
 pub(crate) use storage::{Storage, Stored};
 pub use together::{run_together, update_together};

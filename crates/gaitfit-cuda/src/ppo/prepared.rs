@@ -68,9 +68,8 @@ impl Prepared {
     ) -> Result<Self, PpoError> {
         let (settings, widths) = (learner.settings(), learner.widths());
         check_sizes(settings, widths, batch)?;
-        check_networks(learner)?;
         let minibatches = settings.minibatches;
-        let shapes = [&learner.actor().shape, &learner.critic().shape];
+        let networks = [learner.actor(), learner.critic()];
         let memories = memories(learner);
         if let Some(memories) = &memories {
             let robots = batch.environments;
@@ -84,7 +83,7 @@ impl Prepared {
             processors: limits.processors,
             minibatch: batch.rows() / minibatches,
         };
-        let text = Text::new(settings, widths, shapes, memories.is_some(), precision, room)?;
+        let text = Text::new(settings, widths, networks, memories.is_some(), precision, room)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
         let turn = memories.as_ref().map(turns).unwrap_or_default();
         let processors = limits.processors;
@@ -117,24 +116,6 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
     ] {
         if found > max {
             return Err(PpoError::TooMany { what, found, max });
-        }
-    }
-    Ok(())
-}
-
-/// Refuses networks that the kernels do not know.
-///
-/// # Errors
-/// [`PpoError::Unsupported`].
-pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
-    for network in [learner.actor(), learner.critic()] {
-        let activation = network.shape.activation;
-        // Kernels keep the layers' outputs alone.
-        if !activation.slope_follows_from_output() && !network.shape.hidden.is_empty() {
-            return Err(PpoError::Unsupported(format!("the activation {activation}")));
-        }
-        if let Some(output) = network.output {
-            return Err(PpoError::Unsupported(format!("a function of its output, {output}")));
         }
     }
     Ok(())

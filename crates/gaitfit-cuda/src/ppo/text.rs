@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use gaitfit_learn::ppo::{Precision, Schedule, Settings, Widths};
-use gaitfit_policy::network::{Activation, Shape};
+use gaitfit_policy::network::{Activation, Network};
 
 use super::layout::{MAX_LAYERS, NetLayout, TooWide};
 use crate::runtime::Program;
@@ -55,11 +55,12 @@ impl Text {
     pub(super) fn new(
         settings: &Settings,
         widths: Widths,
-        [actor, critic]: [&Shape; 2],
+        networks: [&Network; 2],
         memory: bool,
         precision: Precision,
         room: Room,
     ) -> Result<Self, TooWide> {
+        let [actor, critic] = networks.map(|network| &network.shape);
         let nets = [actor, critic].map(|shape| NetLayout::new(shape, precision));
         // Blocks of actor and critic run in one launch, which has one size of shared memory.
         let widest = nets[0].bytes.max(nets[1].bytes);
@@ -91,7 +92,7 @@ impl Text {
             [&actor_net, &critic_net],
             (precision, memory),
             [rows, foreseen],
-            [actor.activation, critic.activation],
+            networks,
         );
         let layers = match precision {
             Precision::Bf16 => include_str!("kernels/layers_bf16.cu"),
@@ -99,6 +100,7 @@ impl Text {
         };
         for part in [
             include_str!("../common.cuh"),
+            include_str!("../activations.cuh"),
             include_str!("kernels/common.cu"),
             include_str!("kernels/shuffle.cu"),
             include_str!("kernels/advantages.cu"),
@@ -123,9 +125,10 @@ fn defines(
     nets: [&NetLayout; 2],
     (precision, memory): (Precision, bool),
     [rows, foreseen]: [usize; 2],
-    functions: [Activation; 2],
+    networks: [&Network; 2],
 ) -> String {
-    let mut text = activations(functions);
+    let hidden = networks.map(|network| network.shape.activation);
+    let mut text = functions(hidden, networks.map(|network| network.output));
     let mut define = |name: &str, value: String| {
         // Writing to a string does not fail.
         let _ = writeln!(text, "#define {name} {value}");
@@ -146,6 +149,8 @@ fn defines(
         ("ACTOR_PACKED", nets[0].packed),
         ("ACTOR_GRADIENT", nets[0].gradient),
         ("CRITIC_GRADIENT", nets[1].gradient),
+        ("ACTOR_KEPT", nets[0].kept),
+        ("CRITIC_KEPT", nets[1].kept),
         ("CLIPPED_VALUE_LOSS", usize::from(settings.clipped_value_loss)),
         ("LEARN_STD", usize::from(settings.fixed_std.is_none())),
         ("ADAPTIVE", usize::from(settings.schedule == Schedule::Adaptive)),
@@ -172,15 +177,15 @@ fn defines(
     ] {
         define(name, format!("{value:?}"));
     }
-    put_networks(&mut text, nets, functions);
+    put_networks(&mut text, nets, hidden);
     text
 }
 
-/// The functions of hidden layers: the actor's and the critic's.
-fn activations(functions: [Activation; 2]) -> String {
+/// The functions of hidden layers, then those of the output: the actor's and the critic's.
+fn functions(hidden: [Activation; 2], outputs: [Option<Activation>; 2]) -> String {
     let mut text = format!("enum {{ {} }};\n", FUNCTIONS.join(", "));
-    for (number, activation) in functions.into_iter().enumerate() {
-        let (name, alpha, lambda) = function(activation);
+    for (number, activation) in hidden.map(Some).into_iter().chain(outputs).enumerate() {
+        let (name, alpha, lambda) = activation.map_or(("LINEAR", 0.0, 0.0), function);
         let (alpha, lambda) = (single(alpha), single(lambda));
         // Writing to a string does not fail.
         let _ = write!(

@@ -10,7 +10,7 @@ use super::run::{Planned, Rollout};
 use super::scene::{Mode, Sizes};
 use super::{RolloutError, check};
 use crate::networks::{Actor, ActorPlan};
-use crate::ppo::{Batch, Learner, Limits, PpoError, Precision, Share};
+use crate::ppo::{Batch, Learner, Limits, Precision, Share};
 use crate::runtime::{CudaError, Device, Graph};
 
 /// Environments at once: the kernels of few are hardly faster, and many take memory.
@@ -92,12 +92,10 @@ impl<'a> Play<'a> {
         let host = ppo::Learner::new(settings, widths, seed).map_err(TrainingError::from)?;
         let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
         let unsupported = |error: RolloutError| match error {
-            RolloutError::Unsupported(what) | RolloutError::Ppo(PpoError::Unsupported(what)) => {
-                refused(&what)
-            }
+            RolloutError::Unsupported(what) => refused(&what),
             error => error,
         };
-        check(task, &candidates, &host).map_err(unsupported)?;
+        check(task, &candidates).map_err(unsupported)?;
         let Extent { count, last, command_period } = extent;
         let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
         // Commands change between graphs alone, so a graph must end where the next command begins.

@@ -161,6 +161,7 @@ struct uint4 {
     unsigned x, y, z, w;
 };
 #define __expf expf
+template <class T> static T kept_at(const T* at) { return *at; }
 static inline float __shfl_xor_sync(unsigned, float x, unsigned mask) {
     static float all[32][32];
     unsigned warp = current / 32, lane = current % 32;

@@ -3,10 +3,39 @@
 use gaitfit_learn::ppo::{Learner, Samples};
 use gaitfit_policy::network::{Activation, Network, Normaliser};
 
-/// One row through a network: the outputs of all layers, the input first.
-fn forward(network: &Network, input: Vec<f64>) -> Vec<Vec<f64>> {
+/// The error function by its series.
+fn erf(x: f64) -> f64 {
+    let (mut term, mut sum) = (x, x);
+    for n in 1..200 {
+        term *= -x * x / f64::from(n);
+        sum += term / f64::from(2 * n + 1);
+    }
+    sum * std::f64::consts::FRAC_2_SQRT_PI
+}
+
+/// A function and its derivative.
+fn function(activation: Activation, x: f64) -> [f64; 2] {
+    match activation {
+        Activation::Elu if x > 0.0 => [x, 1.0],
+        Activation::Elu => [x.exp_m1(), x.exp()],
+        Activation::Relu => [x.max(0.0), if x > 0.0 { 1.0 } else { 0.0 }],
+        Activation::Tanh => [x.tanh(), 1.0 - x.tanh().powi(2)],
+        Activation::Silu => {
+            let share = 1.0 / (1.0 + (-x).exp());
+            [x * share, share + x * share * (1.0 - share)]
+        }
+        Activation::Gelu => {
+            let share = 0.5 * (1.0 + erf(x * std::f64::consts::FRAC_1_SQRT_2));
+            [x * share, share + x * (-0.5 * x * x).exp() / std::f64::consts::TAU.sqrt()]
+        }
+        other => panic!("{other}"),
+    }
+}
+
+/// One row through a network: the outputs of all layers, the input first; and the derivatives of the layers' functions.
+fn forward(network: &Network, input: Vec<f64>) -> [Vec<Vec<f64>>; 2] {
     let layers = network.shape.layers();
-    let mut all = vec![input];
+    let (mut all, mut slopes) = (vec![input], Vec::new());
     for (index, layer) in layers.iter().enumerate() {
         let x = &all[index];
         let weight = &network.parameters[layer.weight.clone()];
@@ -14,30 +43,20 @@ fn forward(network: &Network, input: Vec<f64>) -> Vec<Vec<f64>> {
         for (x, row) in x.iter().zip(weight.chunks_exact(layer.outputs)) {
             y.iter_mut().zip(row).for_each(|(y, &w)| *y += x * f64::from(w));
         }
-        if index + 1 < layers.len() {
-            y.iter_mut().for_each(|y| {
-                *y = match network.shape.activation {
-                    Activation::Elu => {
-                        if *y > 0.0 {
-                            *y
-                        } else {
-                            y.exp_m1()
-                        }
-                    }
-                    Activation::Relu => y.max(0.0),
-                    Activation::Tanh => y.tanh(),
-                    other => panic!("{other}"),
-                }
-            });
-        }
-        all.push(y);
+        let hidden = index + 1 < layers.len();
+        let activation = if hidden { Some(network.shape.activation) } else { network.output };
+        let of = |&y: &f64| activation.map_or([y, 1.0], |activation| function(activation, y));
+        slopes.push(y.iter().map(|y| of(y)[1]).collect());
+        all.push(y.iter().map(|y| of(y)[0]).collect());
     }
-    all
+    [all, slopes]
 }
 
 /// Adds one row's derivatives by the parameters, from those by the output.
-fn backward(network: &Network, all: &[Vec<f64>], mut derivative: Vec<f64>, gradient: &mut [f64]) {
+fn backward(network: &Network, [all, slopes]: &[Vec<Vec<f64>>; 2], output: Vec<f64>, gradient: &mut [f64]) {
+    let mut derivative = output;
     for (index, layer) in network.shape.layers().iter().enumerate().rev() {
+        derivative.iter_mut().zip(&slopes[index]).for_each(|(d, slope)| *d *= slope);
         let x = &all[index];
         for (g, d) in gradient[layer.bias.clone()].iter_mut().zip(&derivative) {
             *g += d;
@@ -50,24 +69,6 @@ fn backward(network: &Network, all: &[Vec<f64>], mut derivative: Vec<f64>, gradi
                 *g += x * d;
                 *next += f64::from(w) * d;
             }
-            *next *= match network.shape.activation {
-                Activation::Elu => {
-                    if *x > 0.0 {
-                        1.0
-                    } else {
-                        x + 1.0
-                    }
-                }
-                Activation::Relu => {
-                    if *x > 0.0 {
-                        1.0
-                    } else {
-                        0.0
-                    }
-                }
-                Activation::Tanh => 1.0 - x * x,
-                other => panic!("{other}"),
-            };
         }
         derivative = next;
     }
@@ -98,7 +99,7 @@ pub fn gradient(learner: &Learner, samples: &Samples) -> Vec<f64> {
         let all = forward(actor, normalised(input, learner.normaliser()));
         let action = &samples.action[row * widths.action..(row + 1) * widths.action];
         let z: Vec<f64> = (0..widths.action)
-            .map(|c| (f64::from(action[c]) - all[all.len() - 1][c]) / log_std[c].exp())
+            .map(|c| (f64::from(action[c]) - all[0][all[0].len() - 1][c]) / log_std[c].exp())
             .collect();
         let log_probability: f64 =
             z.iter().zip(&log_std).map(|(z, s)| -0.5 * z * z - s - 0.5 * std::f64::consts::TAU.ln()).sum();
@@ -114,7 +115,7 @@ pub fn gradient(learner: &Learner, samples: &Samples) -> Vec<f64> {
         let width = widths.critic_observation;
         let input = &samples.critic_observation[row * width..(row + 1) * width];
         let all = forward(critic, normalised(input, learner.critic_normaliser()));
-        let value = all[all.len() - 1][0];
+        let value = all[0][all[0].len() - 1][0];
         let (old, target) = (f64::from(samples.value[row]), f64::from(samples.returns[row]));
         let bounded = old + (value - old).clamp(-clip, clip);
         let held = settings.clipped_value_loss && (bounded - target).powi(2) > (value - target).powi(2);

@@ -137,9 +137,9 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         devices,
         warnings,
     };
-    // Any seed: this only shows whether policy and settings fit, and what the device must do.
-    let learner = setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
-    setup.settle_device(&learner)?;
+    // Any seed: this only shows whether policy and settings fit.
+    setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
+    setup.settle_device()?;
     Ok(setup)
 }
 

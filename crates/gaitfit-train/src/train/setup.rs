@@ -145,9 +145,9 @@ pub fn setup(
         devices: devices.clone(),
         warnings,
     };
-    // Any seed: this only shows whether the settings fit, and what the device must do.
-    let learner = setup.learner(0).map_err(refused)?;
-    setup.settle_device(&learner)?;
+    // Any seed: this only shows whether the settings fit.
+    setup.learner(0).map_err(refused)?;
+    setup.settle_device()?;
     Ok(setup)
 }
 
@@ -186,9 +186,9 @@ impl Setup {
     ///
     /// # Errors
     /// A GPU that was asked for and does not; robots that GPUs cannot share evenly.
-    pub(crate) fn settle_device(&mut self, learner: &Learner) -> Result<(), Error> {
+    pub(crate) fn settle_device(&mut self) -> Result<(), Error> {
         let candidates = if self.drawn.is_empty() { self.candidate.as_slice() } else { &self.drawn };
-        let (device, note) = self.devices.first().for_training(&self.scene, candidates, learner)?;
+        let (device, note) = self.devices.first().for_training(&self.scene, candidates)?;
         self.warnings.splice(0..0, note);
         // The first device decides for all: where it cannot train this, the others are not asked.
         if !self.devices.are_gpus() || device.gpu().is_none() {

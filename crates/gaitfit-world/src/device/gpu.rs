@@ -9,7 +9,6 @@ use gaitfit_cuda::runtime::{self, CudaError, Found};
 use gaitfit_learn::Training;
 use gaitfit_learn::collect::{CollectOptions, Collected};
 use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
-use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track};
@@ -35,8 +34,8 @@ pub(super) fn open(number: usize) -> Result<Gpu, Error> {
 }
 
 /// Whether a GPU trains this.
-pub(super) fn check(scene: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), Error> {
-    rollout::check(scene, candidates, learner).map_err(rollout_error)
+pub(super) fn check(scene: &Task, candidates: &[Candidate]) -> Result<(), Error> {
+    rollout::check(scene, candidates).map_err(rollout_error)
 }
 
 impl Device {
@@ -154,12 +153,9 @@ pub fn rollout_error(error: RolloutError) -> Error {
         RolloutError::Unsupported(_)
         | RolloutError::Trials(_)
         | RolloutError::Uneven { .. }
-        | RolloutError::Ppo(
-            PpoError::Unsupported(_)
-            | PpoError::TooWide(_)
-            | PpoError::TooOld { .. }
-            | PpoError::TooMany { .. },
-        ) => Error::Refused(error.to_string()),
+        | RolloutError::Ppo(PpoError::TooWide(_) | PpoError::TooOld { .. } | PpoError::TooMany { .. }) => {
+            Error::Refused(error.to_string())
+        }
         _ => Error::failed(error),
     }
 }
@@ -177,7 +173,6 @@ pub fn fit_error(error: FitError) -> Error {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_learn::ppo;
     use gaitfit_learn::task::TaskSettings;
 
     #[test]
@@ -204,17 +199,12 @@ mod tests {
         let settings =
             TaskSettings { self_contact: gaitfit_model::SelfContact::File, ..TaskSettings::default() };
         let task = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
-        let learner = gaitfit_learn::Training::fresh_learner(&task, &Default::default(), 1).unwrap();
-        assert_eq!(Device::Found(0).for_training(&task, &[], &learner).unwrap(), (Device::Found(0), None));
-        let ppo = ppo::Settings { memory: Some(ppo::MemorySettings::default()), ..Default::default() };
-        let remembers = gaitfit_learn::Training::fresh_learner(&task, &ppo, 1).unwrap();
-        let choice = Device::Found(0).for_training(&task, &[], &remembers).unwrap();
-        assert_eq!(choice, (Device::Found(0), None));
+        assert_eq!(Device::Found(0).for_training(&task, &[]).unwrap(), (Device::Found(0), None));
         let own = task.with_term("own", 1.0, |_| 0.0).unwrap();
-        let (device, note) = Device::Found(0).for_training(&own, &[], &learner).unwrap();
+        let (device, note) = Device::Found(0).for_training(&own, &[]).unwrap();
         assert_eq!(device, Device::Cpu);
         assert!(note.unwrap().contains("`own`"));
-        let error = Device::Cuda(0).for_training(&own, &[], &learner).unwrap_err();
+        let error = Device::Cuda(0).for_training(&own, &[]).unwrap_err();
         assert!(error.refusal().unwrap().contains("`own`"), "{error}");
     }
 }

@@ -16,7 +16,6 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::Error;
-use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_run::watch::Watch;
 use gaitfit_sim::Candidate;
@@ -152,13 +151,12 @@ impl Device {
         self,
         scene: &Task,
         candidates: &[Candidate],
-        learner: &Learner,
     ) -> Result<(Self, Option<String>), Error> {
         // The processor trains every task, so nothing is checked.
         if self == Self::Cpu {
             return Ok((self, None));
         }
-        match gpu::check(scene, candidates, learner) {
+        match gpu::check(scene, candidates) {
             Ok(()) => Ok((self, None)),
             Err(error) => match self.instead(&error) {
                 Some(note) => Ok((Self::Cpu, Some(note))),

@@ -4,7 +4,6 @@ use super::Device;
 use crate::Error;
 use gaitfit_learn::collect::{CollectOptions, Collected};
 use gaitfit_learn::evaluate::{Crossing, DriftTrial, Subject, Trial};
-use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_learn::{Iteration, Training};
 use gaitfit_policy::Policy;
@@ -54,7 +53,7 @@ pub(super) fn open(number: usize) -> Result<Gpu, Error> {
     Err(absent(Device::Cuda(number)))
 }
 
-pub(super) fn check(_scene: &Task, _candidates: &[Candidate], _learner: &Learner) -> Result<(), Error> {
+pub(super) fn check(_scene: &Task, _candidates: &[Candidate]) -> Result<(), Error> {
     Err(absent(Device::Cuda(0)))
 }
 

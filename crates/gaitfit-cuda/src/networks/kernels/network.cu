@@ -27,32 +27,9 @@ DEVICE float tangent(float x) {
 
 DEVICE float sigmoid(float x) { return 1.0f / (1.0f + exponential(-x)); }
 
-// x Phi(x), with erfc of Abramowitz and Stegun (1964), 7.1.26.
-DEVICE float gelu(float x) {
-    float z = (x < 0.0f ? -x : x) * 0.70710678f, t = 1.0f / (1.0f + 0.3275911f * z), p = 1.061405429f;
-    p = p * t + -1.453152027f;
-    p = p * t + 1.421413741f;
-    p = p * t + -0.284496736f;
-    p = p * t + 0.254829592f;
-    float half = 0.5f * x * p * t * exponential(-z * z);
-    return x > 0.0f ? x - half : half;
-}
+DEVICE float quotient(float a, float b) { return a / b; }
 
-DEVICE float activated(Layer layer, float x) {
-    switch (layer.function) {
-        case EXPONENTIAL: {
-            float below = layer.alpha * (exponential(x) - 1.0f);
-            return layer.lambda * (x > 0.0f ? x : below);
-        }
-        case RECTIFIED: return x < 0.0f ? 0.0f : x;
-        case LEAKY: return x > 0.0f ? x : layer.alpha * x;
-        case TANGENT: return tangent(x);
-        case SILU: return x / (1.0f + exponential(-x));
-        case GELU: return gelu(x);
-        case GELU_TANH: return 0.5f * x * (1.0f + tangent(0.7978846f * (x + 0.044715f * x * x * x)));
-        default: return x;
-    }
-}
+DEVICE float activated(Layer layer, float x) { return function_of(layer.function, layer.alpha, layer.lambda, x); }
 
 // Waits for the layer's sums in `to`, normalises those of each robot and takes the layer's function (Ba, Kiros, Hinton 2016).
 DEVICE void normalise(const float* network, Layer layer, float* to) {

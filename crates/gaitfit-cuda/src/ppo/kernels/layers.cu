@@ -26,6 +26,15 @@ DEVICE void mma(float (&sum)[4], const float (&a)[4], const float (&b)[2]) {
         : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
           "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
 }
+// Two kept derivatives, once: caches need not hold them.
+DEVICE float2 kept_at(const float2* at) {
+    float2 x;
+    asm volatile("ld.global.cs.v2.f32 {%0, %1}, [%2];"
+                 : "=f"(x.x), "=f"(x.y)
+                 : "l"(__cvta_generic_to_global(at))
+                 : "memory");
+    return x;
+}
 // Factor a of `mma`: rows 0 .. 16 of `rows`, which are `apart` numbers apart, columns k0 .. k0 + 8. One instruction loads
 // four squares of 8 rows x 16 bytes; each thread says where one row of one square lies.
 DEVICE void load_rows(float (&a)[4], const float* rows, int apart, int k0) {
@@ -127,10 +136,11 @@ DEVICE void product(float (&sum)[2][J][4], const float* rows, const float4* __re
     }
 }
 
-// Waits, then out = f(h W + b): K of IN columns of h are used.
-template <int R, int K, int IN, int OUT, int F>
+// Waits, then out = f(h W + b): K of IN columns of h are used. `slopes`: where f' goes, if it is KEPT.
+template <int R, int K, int IN, int OUT, int F, bool KEPT>
 DEVICE void forward(
-    const float* h, float* out, float*, const float* __restrict__ weight, const float* __restrict__ bias, bool last
+    const float* h, float* out, float*, const float* __restrict__ weight, const float* __restrict__ bias, bool last,
+    float* slopes
 ) {
     __syncthreads();
     constexpr int J = BLOCKS_OF(R, OUT), COUNT = OUT / (8 * J);
@@ -147,7 +157,13 @@ DEVICE void forward(
 #pragma unroll
             for (int i = 0; i < 4; i++) {
                 float2 x = {sum[i / 2][j][i % 2 * 2] + shift.x, sum[i / 2][j][i % 2 * 2 + 1] + shift.y};
-                if (!last) x.x = rounded(activate<F>(x.x)), x.y = rounded(activate<F>(x.y));
+                if (!last && KEPT) {
+                    float2 kept;
+                    x.x = rounded(activate<F>(x.x, kept.x)), x.y = rounded(activate<F>(x.y, kept.y));
+                    ((float2*)slopes)[kept_pair<4 * J>(tile, i * J + j)] = kept;
+                } else if (!last) {
+                    x.x = rounded(activate<F>(x.x)), x.y = rounded(activate<F>(x.y));
+                }
                 *(float2*)(to + 8 * i * OUT + (n ^ s)) = x;
             }
         }
@@ -155,8 +171,9 @@ DEVICE void forward(
 }
 
 // Waits, then h = (d W^T) f'(h), or without f' where h is no function's result: K of OUT columns of d are used.
+// `slopes`: f' where it was kept.
 template <int R, int K, int IN, int OUT, int F>
-DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
+DEVICE void backward(float* h, const float* d, const float* __restrict__ weight, const float* slopes) {
     __syncthreads();
     constexpr int J = BLOCKS_OF(R, IN), COUNT = IN / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
@@ -170,10 +187,10 @@ DEVICE void backward(float* h, const float* d, const float* __restrict__ weight)
 #pragma unroll
             for (int i = 0; i < 4; i++) {
                 float2* at = (float2*)(to + 8 * i * IN + (((n0 & 31) + 8 * j + 2 * t) ^ s));
-                float2 x = *at;
+                float2 x = keeps<F>() ? kept_at((const float2*)slopes + kept_pair<4 * J>(tile, i * J + j)) : *at;
                 float2 d_x = {sum[i / 2][j][i % 2 * 2], sum[i / 2][j][i % 2 * 2 + 1]};
-                x.x = F == NO_FUNCTION ? d_x.x : rounded(d_x.x * slope<F>(x.x));
-                x.y = F == NO_FUNCTION ? d_x.y : rounded(d_x.y * slope<F>(x.y));
+                x.x = F == NO_FUNCTION ? d_x.x : rounded(d_x.x * (keeps<F>() ? x.x : slope<F>(x.x)));
+                x.y = F == NO_FUNCTION ? d_x.y : rounded(d_x.y * (keeps<F>() ? x.y : slope<F>(x.y)));
                 *at = x;
             }
     }

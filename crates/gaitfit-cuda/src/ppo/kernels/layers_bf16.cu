@@ -15,6 +15,12 @@ DEVICE u32 pair_of(float low, float high) {
     asm("cvt.rn.bf16x2.f32 %0, %1, %2;" : "=r"(bits) : "f"(high), "f"(low));
     return bits;
 }
+// Two kept derivatives, once: caches need not hold them.
+DEVICE u32 kept_at(const u32* at) {
+    u32 pair;
+    asm volatile("ld.global.cs.u32 %0, [%1];" : "=r"(pair) : "l"(__cvta_generic_to_global(at)) : "memory");
+    return pair;
+}
 // sum += a b for a warp: 16 x 16 by 16 x 8, laid out as PTX's mma.m16n8k16 has it.
 DEVICE void mma(float (&sum)[4], const u32 (&a)[4], const u32 (&b)[2]) {
     asm volatile(
@@ -114,9 +120,11 @@ DEVICE void product(float (&sum)[I][J][4], Weights<J, STEPS, COLUMNS>& weights, 
 }
 
 // Waits for the group, then out = f(h W + b); of the last layer h W + b goes to `floats`, and zeros to `out`.
-template <int R, int K, int IN, int OUT, int F>
+// `slopes`: where f' goes, if it is KEPT.
+template <int R, int K, int IN, int OUT, int F, bool KEPT>
 DEVICE void forward(
-    const Number* h, Number* out, float* floats, const float* __restrict__ weight, const float* __restrict__ bias, bool last
+    const Number* h, Number* out, float* floats, const float* __restrict__ weight, const float* __restrict__ bias,
+    bool last, Number* slopes
 ) {
     using G = Group<R>;
     constexpr Tile TILE_OF = tile_for(G::ROWS_OF, OUT, G::WARPS_OF);
@@ -158,15 +166,24 @@ DEVICE void forward(
         for (int i = 0; i < 2 * I; i++)
 #pragma unroll
             for (int j = 0; j < J; j++) {
-                float x = activate<F>(sum[i / 2][j][i % 2 * 2]), y = activate<F>(sum[i / 2][j][i % 2 * 2 + 1]);
+                float x = sum[i / 2][j][i % 2 * 2], y = sum[i / 2][j][i % 2 * 2 + 1];
+                if (KEPT) {
+                    float of_x, of_y;
+                    x = activate<F>(x, of_x), y = activate<F>(y, of_y);
+                    int place = kept_pair<2 * I * J>(G::number() * TILES + tile, i * J + j);
+                    ((u32*)slopes)[place] = pair_of(of_x, of_y);
+                } else {
+                    x = activate<F>(x), y = activate<F>(y);
+                }
                 *(u32*)(out + at + 8 * i * APART + 8 * j) = pair_of(x, y);
             }
     }
 }
 
 // h = (d W^T) f'(h), or without f' where h is no function's result. Waits for the block before h changes.
+// `slopes`: f' where it was kept.
 template <int R, int K, int IN, int OUT, int F>
-DEVICE void backward(Number* h, const Number* d, const float* __restrict__ weight) {
+DEVICE void backward(Number* h, const Number* d, const float* __restrict__ weight, const Number* slopes) {
     using G = Group<R>;
     constexpr Tile TILE_OF = tile_for(G::ROWS_OF, IN, G::WARPS_OF);
     constexpr int I = TILE_OF.i, J = TILE_OF.j, COUNT = IN / (8 * J), APART = IN + 8;
@@ -190,7 +207,13 @@ DEVICE void backward(Number* h, const Number* d, const float* __restrict__ weigh
             for (int j = 0; j < J; j++) {
                 u32* at = (u32*)(to + 8 * i * APART + 8 * j);
                 float2 d_x = {sum[i / 2][j][i % 2 * 2], sum[i / 2][j][i % 2 * 2 + 1]};
-                if (F != NO_FUNCTION) d_x.x *= slope<F>(low_of(*at)), d_x.y *= slope<F>(high_of(*at));
+                if (keeps<F>()) {
+                    int place = kept_pair<2 * I * J>(G::number() * TILES + tile, i * J + j);
+                    u32 kept = kept_at((const u32*)slopes + place);
+                    d_x.x *= low_of(kept), d_x.y *= high_of(kept);
+                } else if (F != NO_FUNCTION) {
+                    d_x.x *= slope<F>(low_of(*at)), d_x.y *= slope<F>(high_of(*at));
+                }
                 *at = pair_of(d_x.x, d_x.y);
             }
     }

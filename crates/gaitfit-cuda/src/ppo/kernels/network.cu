@@ -5,24 +5,35 @@
 // order in which the matrix units take them, which stay in the first-level cache. Each block adds its weight gradients to
 // its own part of `partial`; `reduce` adds the parts up in a fixed order, so the result has the same bits every time.
 
-// One layer of one network, by its widths, for R samples: SHAPES lists those of both networks once each.
-template <int R> DEVICE void forward_layer(const Net& net, int layer, Number* pool, const float* packed) {
+// Where a block keeps the derivatives by which a hidden layer gave the inputs of layer `layer`: as these lie in shared
+// memory, without the network's input.
+DEVICE Number* kept_of(const Net& net, int layer, Number* slopes) {
+    return slopes + ROWS * (net.place[layer] - net.place[1]);
+}
+
+// One layer of one network, by its widths, for R samples: SHAPES lists those of both networks once each. Derivatives
+// that do not follow from results go to `slopes` if the way back follows (KEEP).
+template <int R, bool KEEP>
+DEVICE void forward_layer(const Net& net, int layer, Number* pool, const float* packed, Number* slopes) {
     const Number* h = pool + R * net.place[layer];
     Number* out = pool + R * net.place[layer + 1];
     float* floats = outputs_begin<R>(net, pool);
     const float *weight = packed + net.weight[layer], *bias = packed + net.bias[layer];
     bool last = layer + 1 == net.layers;
 #define CASE(number, K_IN, IN, OUT, K_OUT, F) \
-    if (net.shape[layer] == number) forward<R, K_IN, IN, OUT, F>(h, out, floats, weight, bias, last);
+    if (net.shape[layer] == number) \
+        forward<R, K_IN, IN, OUT, F, KEEP && keeps<F>()>( \
+            h, out, floats, weight, bias, last, kept_of(net, layer + 1, slopes));
     SHAPES(CASE)
 #undef CASE
 }
 
-DEVICE void backward_layer(const Net& net, int layer, Number* pool, const float* packed) {
+DEVICE void backward_layer(const Net& net, int layer, Number* pool, const float* packed, Number* slopes) {
     Number* h = pool + ROWS * net.place[layer];
     const Number* d = pool + ROWS * net.place[layer + 1];
 #define CASE(number, K_IN, IN, OUT, K_OUT, F) \
-    if (net.shape[layer] == number) backward<ROWS, K_OUT, IN, OUT, F>(h, d, packed + net.back[layer]);
+    if (net.shape[layer] == number) \
+        backward<ROWS, K_OUT, IN, OUT, F>(h, d, packed + net.back[layer], kept_of(net, layer, slopes));
     SHAPES(CASE)
 #undef CASE
 }
@@ -33,7 +44,7 @@ DEVICE void input_layer(const Net& net, Number* pool, const float* packed) {
     Number* h = pool + ROWS * net.place[0];
     const Number* d = pool + ROWS * net.place[1];
 #define CASE(number, K_IN, IN, OUT, K_OUT, F) \
-    if (net.shape[0] == number) backward<ROWS, K_OUT, IN, OUT, NO_FUNCTION>(h, d, packed + net.back[0]);
+    if (net.shape[0] == number) backward<ROWS, K_OUT, IN, OUT, NO_FUNCTION>(h, d, packed + net.back[0], nullptr);
     SHAPES(CASE)
 #undef CASE
 }
@@ -62,18 +73,19 @@ template <int R> struct Sample {
     float action[EACH], mean[EACH], old, target;
 };
 
-// Policy loss of one row, as gaitfit-learn has it: the derivative takes the place of the mean.
+// Policy loss of one row, as gaitfit-learn has it: the derivative by the last layer's sums takes their place.
 template <int R>
 DEVICE void policy_loss(
     const Outputs& out, int part, const Sample<R>& sample, const float* constants, float weight, float* losses, float* pull
 ) {
     constexpr int EACH = Sample<R>::EACH;
-    float squares = 0.0f, shift = 0.0f, z[EACH] = {};
+    float squares = 0.0f, shift = 0.0f, z[EACH] = {}, slopes[EACH];
 #pragma unroll
     for (int k = 0; k < EACH; k++) {
         int c = part + 4 * k;
+        slopes[k] = 1.0f;
         if (c >= ACTIONS || !sample.inside) continue;
-        float mean = out.get(c), moved = (sample.mean[k] - mean) * constants[c];
+        float mean = activate<ACTOR_OUTPUT>(out.get(c), slopes[k]), moved = (sample.mean[k] - mean) * constants[c];
         z[k] = (sample.action[k] - mean) * constants[c];
         squares += z[k] * z[k];
         shift += moved * moved;
@@ -92,7 +104,7 @@ DEVICE void policy_loss(
     for (int k = 0; k < EACH; k++) {
         int c = part + 4 * k;
         if (c >= ACTIONS) continue;
-        out.set(c, sample.inside ? pull_of_row * z[k] * constants[c] : 0.0f);
+        out.set(c, sample.inside ? times_slope<ACTOR_OUTPUT>(pull_of_row * z[k] * constants[c], slopes[k]) : 0.0f);
         pull[c] = sample.inside ? pull_of_row * (z[k] * z[k] - 1.0f) : 0.0f;
     }
     if (part != 0) return;
@@ -107,7 +119,7 @@ DEVICE void policy_loss(
 // Value loss of one row, likewise.
 template <int R>
 DEVICE void value_loss(const Outputs& out, const Sample<R>& sample, bool clip, float weight, float* losses) {
-    float value = out.get(0), old = sample.old, moved = value - old;
+    float slope, value = activate<CRITIC_OUTPUT>(out.get(0), slope), old = sample.old, moved = value - old;
     float bounded = moved < -CLIP ? -CLIP : moved;
     bounded = bounded > CLIP ? CLIP : bounded;
     float plain_error = value - sample.target, bounded_error = old + bounded - sample.target;
@@ -115,7 +127,7 @@ DEVICE void value_loss(const Outputs& out, const Sample<R>& sample, bool clip, f
     bool held = clip && clipped > plain;
     float pull = held ? (bounded == moved ? bounded_error : 0.0f) : plain_error;
     losses[VALUE * R] = !sample.inside ? 0.0f : held ? clipped : plain;
-    out.set(0, sample.inside ? 2.0f * VALUE_COEFFICIENT * weight * pull : 0.0f);
+    out.set(0, sample.inside ? times_slope<CRITIC_OUTPUT>(2.0f * VALUE_COEFFICIENT * weight * pull, slope) : 0.0f);
 }
 
 // Observations of a group's rows, normalised, into the first layer's place; zeros behind the last. Row `number` of the
@@ -173,13 +185,15 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
         // What memories give has no place in the samples.
         u32 first = MEMORY ? 0 : from;
         load_inputs<FORESEEN>(net, pool, actor ? observation : critic_observation, input_scale, nullptr, first, tile, rows);
-        for (int layer = 0; layer < net.layers; layer++) forward_layer<FORESEEN>(net, layer, pool, weights);
+        for (int layer = 0; layer < net.layers; layer++)
+            forward_layer<FORESEEN, false>(net, layer, pool, weights, nullptr);
         G::sync();
         for (int i = G::thread(); i < G::ROWS_OF * outputs; i += G::THREADS_OF) {
             int r = G::first_row() + i / outputs, c = i % outputs;
             u32 number = tile * FORESEEN + r;
-            if (number < rows)
-                out[(u64)(from + number) * outputs + c] = outputs_of<FORESEEN>(net, pool, r).get(c);
+            if (number >= rows) continue;
+            float x = outputs_of<FORESEEN>(net, pool, r).get(c);
+            out[(u64)(from + number) * outputs + c] = actor ? activate<ACTOR_OUTPUT>(x) : activate<CRITIC_OUTPUT>(x);
         }
         G::sync();
     }
@@ -189,7 +203,8 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) foresee(
 // `weight`: 1 by the minibatch's rows on all GPUs.
 // `scale`: of the actor's observations, then of the critic's. `sums`: blocks x (LOSSES + ACTIONS), the latter the
 // derivative by ln sigma. Behind memories both observations are what these give, rows of the minibatch, and the derivatives
-// by them are asked for.
+// by them are asked for. `kept`: room for those derivatives of each block's hidden layers that do not follow from
+// results.
 extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     u32 from, u32 rows, float weight, u32 actor_blocks, const u32* control, const u32* places, const float* observation,
     const float* critic_observation, const float* action, const float* mean, const float* log_probability,
@@ -197,6 +212,9 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     const float* constants, float* partial, double* sums
 #if MEMORY
     , float* of_actor_input, float* of_critic_input
+#endif
+#if ACTOR_KEPT + CRITIC_KEPT
+    , Number* kept
 #endif
 ) {
     POOL(room);
@@ -206,6 +224,11 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     u32 block = actor ? blockIdx.x : blockIdx.x - actor_blocks, blocks = actor ? actor_blocks : gridDim.x - actor_blocks;
     const float* weights = packed + (actor ? 0 : ACTOR_PACKED);
     float* gradient = partial + (u64)(actor ? 0 : actor_blocks) * ACTOR_GRADIENT + (u64)block * net.gradient;
+    Number* slopes = nullptr;
+#if ACTOR_KEPT + CRITIC_KEPT
+    slopes = kept + (u64)(actor ? 0 : actor_blocks) * ROWS * ACTOR_KEPT;
+    slopes += (u64)block * ROWS * (actor ? ACTOR_KEPT : CRITIC_KEPT);
+#endif
     const float* input = actor ? observation : critic_observation;
     const float* input_scale = actor ? scale : scale + 2 * ACTOR_INPUTS;
     float* losses = behind<ROWS>(net, pool);
@@ -223,7 +246,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     bool first = true;
     for (u32 tile = block; tile * ROWS < rows; tile += blocks) {
         load_inputs<ROWS>(net, pool, input, input_scale, MEMORY ? nullptr : places, MEMORY ? 0 : from, tile, rows);
-        for (int layer = 0; layer < net.layers; layer++) forward_layer<ROWS>(net, layer, pool, weights);
+        for (int layer = 0; layer < net.layers; layer++) forward_layer<ROWS, true>(net, layer, pool, weights, slopes);
         // Loaded before the wait.
         Sample<ROWS> samples[TURNS];
 #pragma unroll
@@ -266,7 +289,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
         }
         for (int layer = net.layers; layer-- > 0;) {
             gather_layer(net, layer, pool, gradient, first);
-            if (layer > 0) backward_layer(net, layer, pool, weights);
+            if (layer > 0) backward_layer(net, layer, pool, weights, slopes);
 #if MEMORY
             else input_layer(net, pool, weights);
 #endif

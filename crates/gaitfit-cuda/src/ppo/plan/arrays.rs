@@ -1,6 +1,7 @@
 //! The arrays of an update.
 
 use super::super::launch::{Kind, Value};
+use super::super::layout::NetLayout;
 use super::super::text::{LOSSES, Text};
 use super::{CHECKED, CONTROL_SIZE, Maker, STATE_SIZE, Sizes};
 
@@ -42,6 +43,8 @@ pub(super) struct Arrays {
     pub packed: Value,
     /// Gradients of the blocks.
     pub partial: Value,
+    /// Derivatives that the blocks' hidden layers keep for the way back; empty where these follow from outputs.
+    pub kept: Value,
     /// Losses of the blocks.
     pub sums: Value,
     /// Squares of the gradient's norm, by blocks of `reduce`, then the losses.
@@ -120,6 +123,8 @@ impl Arrays {
             shares(["statistics_share", "statistics_shares"], 2 * widths.observation),
             shares(["critic_statistics_share", "critic_statistics_shares"], 2 * widths.critic_observation),
         ];
+        let of_blocks = |blocks: usize, net: &NetLayout| blocks * text.rows * net.kept / net.per_word;
+        let kept = of_blocks(actor_blocks, &text.actor) + of_blocks(critic_blocks, &text.critic);
         let odd = m.array("odd_share", Kind::F64, if share > 1 { of_gradient } else { 0 });
         Self {
             advantage_shares,
@@ -146,6 +151,7 @@ impl Arrays {
                 Kind::F32,
                 actor_blocks * text.actor.gradient + critic_blocks * text.critic.gradient,
             ),
+            kept: m.array("kept", Kind::F32, kept),
             sums: m.array("sums", Kind::F64, (actor_blocks + critic_blocks) * (LOSSES + actions)),
             squares: m.array("squares", Kind::F64, 2 * reduce_blocks + LOSSES + actions),
             reduced: m.array("reduced", Kind::U32, 1),

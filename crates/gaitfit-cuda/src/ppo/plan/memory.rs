@@ -1,13 +1,11 @@
 //! The memories' part of an update: what stands before the networks, and the way back through it.
 
 use super::super::launch::{Batch, Kind, Launch, Value};
+use super::shared::{TEAM, shared};
 use super::{CHUNK, Maker, launch, word};
-use crate::ppo::layout::TooWide;
 use crate::runtime::Shape;
 use gaitfit_policy::network::{Cell, RecurrentShape};
 
-/// Robots of a block; `TEAM` of the text.
-const TEAM: usize = 8;
 /// Threads of a block.
 const THREADS: u32 = 256;
 /// Rows whose derivatives a block adds up.
@@ -89,46 +87,6 @@ pub(super) struct Samples {
     pub observations: [Value; 2],
     pub scales: [Value; 2],
     pub done: Value,
-}
-
-/// Bytes of shared memory that the kernels need for memories of these shapes.
-fn shared(shape: &RecurrentShape) -> usize {
-    let numbers = |layer: &gaitfit_policy::network::RecurrentSpan| {
-        let wide = shape.cell.gates() * layer.hidden;
-        (layer.inputs + layer.hidden).max(2 * layer.hidden + wide)
-    };
-    4 * TEAM * shape.layers().iter().map(numbers).max().unwrap_or(0)
-}
-
-/// Refuses memories that do not fit into a multiprocessor.
-pub(in crate::ppo) fn check_shared(shapes: &[RecurrentShape; 2], available: usize) -> Result<(), TooWide> {
-    for shape in shapes {
-        let needed = shared(shape);
-        if needed > available {
-            let units: Vec<String> = shape.hidden.iter().map(ToString::to_string).collect();
-            let network = format!("{} of {} units", shape.cell.name(), units.join(", "));
-            return Err(TooWide { network, needed, rows: TEAM, available });
-        }
-    }
-    Ok(())
-}
-
-/// Where each parameter lies in the copy with every matrix transposed.
-pub(in crate::ppo) fn turns(shapes: &[RecurrentShape; 2]) -> Vec<u32> {
-    let mut places = Vec::new();
-    for shape in shapes {
-        let offset = places.len();
-        for layer in shape.layers() {
-            let wide = shape.cell.gates() * layer.hidden;
-            for (range, inputs) in layer.parts.into_iter().zip([layer.inputs, layer.hidden, 1, 1]) {
-                let begin = offset + range.start;
-                // Element (row, column) of a matrix with `wide` columns goes to (column, row). Biases have one row
-                // and stay.
-                places.extend((0..range.len()).map(|k| (begin + k % wide * inputs + k / wide) as u32));
-            }
-        }
-    }
-    places
 }
 
 impl Memory {

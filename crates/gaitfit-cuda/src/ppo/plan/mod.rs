@@ -2,6 +2,7 @@
 
 mod arrays;
 mod memory;
+mod shared;
 mod sizes;
 mod update;
 
@@ -12,7 +13,7 @@ use arrays::Arrays;
 use gaitfit_learn::ppo::{Settings, Widths};
 use gaitfit_policy::network::RecurrentShape;
 use memory::{Memory, Samples};
-pub(in crate::ppo) use memory::{check_shared, turns};
+pub(in crate::ppo) use shared::{check_shared, turns};
 use sizes::Sizes;
 use update::Update;
 

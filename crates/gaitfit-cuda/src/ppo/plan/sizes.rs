@@ -27,6 +27,8 @@ pub(super) struct Sizes {
     pub parameters: usize,
     /// Blocks of the actor and of the critic.
     pub blocks: [usize; 2],
+    /// Whether hidden layers keep derivatives for the way back.
+    pub keeps: bool,
     /// Blocks of `reduce`.
     pub reduce_blocks: usize,
     /// Parts of the samples, of [`CHUNK`] rows.
@@ -53,6 +55,7 @@ impl Sizes {
             networks,
             parameters: networks + actions,
             blocks: [0; 2],
+            keeps: text.actor.kept + text.critic.kept > 0,
             reduce_blocks: networks.div_ceil(256),
             chunks: rows.div_ceil(CHUNK),
             cards: settings.epochs * rows,

@@ -199,6 +199,7 @@ impl Update<'_> {
             a.sums,
         ];
         arguments.extend(seen.into_iter().flatten().map(|[_, derivative]| derivative));
+        arguments.extend(self.sizes.keeps.then_some(a.kept));
         self.maker.launch("network", Shape { shared: self.shared[0], ..blocks }, &arguments);
         if let Some(memory) = &self.memory {
             self.maker.launches.extend(memory.back((a.control, turn), epoch, first, robots));
