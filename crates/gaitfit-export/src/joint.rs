@@ -102,8 +102,7 @@ pub(super) fn constant_torque_note(joints: &[JointNumbers]) -> Option<String> {
         .collect();
     (!names.is_empty()).then(|| {
         format!(
-            "robot.xml does not have the spring_torque of {}: their total stiffness is 0, and MuJoCo's joints have no constant \
-             torque. Add the spring_torque of theta.json to data.qfrc_applied at every physics step",
+            "robot.xml does not have the spring_torque of {}: without stiffness a joint of MuJoCo has no place for a torque. Add the spring_torque of theta.json to data.qfrc_applied at every physics step",
             names.join(", ")
         )
     })

@@ -172,18 +172,21 @@ fn files_of(
             (
                 "robot.xml",
                 mjcf::patched(text, model, &joints, candidate, gains.is_some())?,
-                mjcf::said(&joints, gains.is_some(), base, mjcf::says_links(text, model, candidate)?),
+                mjcf::said(gains.is_some(), base, mjcf::says_links(text, model, candidate)?),
             )
         }
     };
     // Each parameter is listed with whether the robot's file can hold it; the others are in the code.
+    let constant =
+        |name: &String| joints.iter().any(|joint| joint.has_constant_torque() && joint.name == *name);
     let rows = file.parameter.iter().map(|parameter| Row {
         name: parameter.name.clone(),
         value: parameter.value,
         unit: parameter.unit.clone(),
         interval: parameter.interval,
         identified: parameter.identified,
-        in_robot_file: said.contains(&parameter.kind.as_str()),
+        in_robot_file: said.contains(&parameter.kind.as_str())
+            && !(parameter.kind == "spring_torque" && parameter.joints.iter().any(constant)),
     });
     let rows: Vec<Row> = rows.collect();
     if gains.is_none() {

@@ -8,13 +8,11 @@ use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
 use roxmltree::{Document, Node};
 
-/// Kinds of parameters that the file says.
-pub(super) fn said(joints: &[JointNumbers], gains: bool, base: bool, links: bool) -> Vec<&'static str> {
+/// Kinds of parameters that the file says; a spring's torque only of joints with a stiffness
+/// ([`JointNumbers::has_constant_torque`]).
+pub(super) fn said(gains: bool, base: bool, links: bool) -> Vec<&'static str> {
     let mut said = COMMON.to_vec();
-    said.extend(["armature", "stiffness"]);
-    if !joints.iter().any(JointNumbers::has_constant_torque) {
-        said.push("spring_torque");
-    }
+    said.extend(["armature", "stiffness", "spring_torque"]);
     if gains {
         said.extend(["encoder_bias", "torque_scale", "torque_offset", "kp_scale", "kd_scale"]);
     }

@@ -2,7 +2,7 @@
 //!
 //! As MuJoCo 4.0 attaches it: names and classes of the other file get `prefix`, its classes do not inherit from those of this
 //! file, and those elements of its other sections come along that refer to nothing but what is attached. Its meshes and
-//! height fields lie where it says. Its options do not count. Its keyframes are left out, which is said.
+//! height fields lie where it says. Its options do not count. Its keyframes are left out and listed.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};

@@ -85,7 +85,7 @@ pub fn counted(count: usize, noun: &str) -> String {
 /// written as escapes of the shell's `$'…'`.
 pub fn argument(path: &Path) -> String {
     let text = path.to_string_lossy();
-    let plain = |c: char| c.is_alphanumeric() || "_-./+=:@%,~".contains(c);
+    let plain = |c: char| c.is_alphanumeric() || "_-./+=:@%,".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
         return text.into_owned();
     }

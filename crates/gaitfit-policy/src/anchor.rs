@@ -77,6 +77,13 @@ impl Reference {
             model.joints.iter().enumerate().find(|(index, joint)| {
                 joint.kind.is_hinge() && of_listed(joint.body) && !listed.contains(index)
             });
+        if let Some((_, held)) = missing.filter(|(index, _)| !resolved.contains(index)) {
+            return refuse(format!(
+                "leads over `{}`, which `{}` turns too, and that is no joint of the policy: such anchors are not read",
+                shown(&model.bodies[held.body].name),
+                shown(&held.name)
+            ));
+        }
         if let Some((_, missing)) = missing {
             return refuse(format!(
                 "leaves out `{}`, which turns `{}` of robot `{}` too; list each joint from the base to the anchor once, in this \

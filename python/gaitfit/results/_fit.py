@@ -180,10 +180,13 @@ class HeldOut:
     Attributes:
         logs: Number of logs, or stretches of logs.
         seconds: Their duration, s.
-        cost: ``wass`` of the fitted robot; ``None`` if it diverged.
+        cost: ``wass`` of the fitted robot, all simulations of the walks pooled; ``None`` if one diverged.
         nominal_cost: The same of the robot before the fit.
-        falls: Logs in which the fitted robot falls.
-        nominal_falls: Logs in which the robot before the fit falls.
+        falls: Falls of the fitted robot in all simulations, ``simulations`` × ``logs`` walks.
+        nominal_falls: Falls of the robot before the fit in as many walks.
+        simulations: Number of simulations of the walks, each with other random torques. A robot without random torques
+            is simulated once and counts as often.
+        single_costs: ``wass`` of the fitted robot in each simulation alone.
 
     >>> result.held_out is None      # the demonstration's legs hang in the air
     True
@@ -195,6 +198,8 @@ class HeldOut:
     nominal_cost: float | None
     falls: int
     nominal_falls: int
+    simulations: int = 1
+    single_costs: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

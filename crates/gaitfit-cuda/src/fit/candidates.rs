@@ -327,7 +327,7 @@ impl Candidates {
             return Err(WalkerError::NoMemory.into());
         }
         if resets && matches!(subject, Subject::Walk(walker, _) if walker.sees_past()) {
-            let what = "resets to the log (matchs) of a policy that observes a history";
+            let what = "resets to the log (matchs) of a policy that observes a history or `earlier_action`";
             return Err(FitError::Unsupported(what.to_owned()));
         }
         Ok(by_structure(jobs.iter().map(|job| &job.candidate)))

@@ -48,6 +48,19 @@ fn cxx_steps_under_given_actions_with_the_action_before_the_last_are_the_cpus() 
     stepwise::compare("earlier actions", &task, &Candidate::nominal(&go2()), true);
 }
 
+/// Thighs of which one follows another and is followed by a third; the leaders come last, so that placing them takes two rounds.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_joints_that_follow_others_are_the_cpus() {
+    let couplings = "</worldbody><equality>\
+        <joint joint1=\"RR_thigh_joint\" joint2=\"FR_thigh_joint\" polycoef=\"0 1 0 0 0\"/>\
+        <joint joint1=\"FR_thigh_joint\" joint2=\"FL_thigh_joint\" polycoef=\"0.1 0.9 0 0 0\"/></equality>";
+    let coupled = gaitfit_model::builtin::GO2.replacen("</worldbody>", couplings, 1);
+    let model = gaitfit_model::read_mjcf_str(&coupled, &Default::default()).unwrap();
+    let task = Task::new(&model, &lively("velocity"), Preset::Fast).unwrap();
+    compare("coupled thighs", &task, &Candidate::nominal(&model));
+}
+
 /// The lively task for a policy that follows a motion, and what else `change` gives it.
 fn following(rate_hz: f64, samples: usize, change: fn(&mut Interface)) -> Task {
     let mut settings = lively("velocity");

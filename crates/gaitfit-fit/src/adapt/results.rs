@@ -21,8 +21,8 @@ use crate::run::RunFolder;
 use crate::walk::explain::{self, Cause};
 use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::{Watch, Work};
+use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{CostOutcome, FitError, RunGeneration};
-use gaitfit_adapt::{Theta, never};
 use gaitfit_model::Model;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
@@ -199,8 +199,10 @@ pub(super) fn results(
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
-    let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
+    let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot, watch));
+    // What was cut short is no failure.
     checked(2)?;
+    let held = held?;
     // All that speaks against the fit becomes one list of doubts, by which the result is judged.
     let evidence = Evidence {
         fitted: &fitted,
@@ -328,9 +330,10 @@ fn cost_fits(
 }
 
 /// Walks under the commands of the logs that were not fitted, beside them.
-fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Error> {
+fn beside_others(setup: &Setup, robot: Robot<'_>, watch: &Watch<'_>) -> Result<Option<HeldOut>, Error> {
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs, (&never, &|_| ()))
+    let robots = [(set, robot), (set, before)];
+    held_out(&setup.config, &setup.method, robots, &setup.fit.logs, (&|| watch.stop(), &|_| ()))
 }

@@ -164,7 +164,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
     let rmse_rad = mean(validations.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(validations.iter().map(|log| log.nominal_rmse_rad));
     // Chance decides much of one simulation's cost. The held-out comparison has several.
-    let several = held_out.as_ref().filter(|_| kind == CostKind::Wass);
+    let several = held_out.as_ref().filter(|_| kind == CostKind::Wass && after.len() == 1);
     let (cost, nominal_cost) =
         several.map_or((cost, nominal_cost), |held_out| (held_out.cost, held_out.nominal_cost));
     // The headline depends on the other results, so it is filled in below.

@@ -32,6 +32,8 @@ pub struct LoopReport {
     pub target: String,
     /// One a repetition, in order.
     pub rounds: Vec<Round>,
+    /// Place in `rounds` of the one that trained the policy it ended with; none: the last.
+    pub best: Option<usize>,
     /// Errors of each policy under random commands, on one or more simulators.
     pub tracking: Vec<Tracking>,
     /// Differences between policies, trajectory by trajectory.

@@ -22,7 +22,7 @@ pub(super) struct Page {
     doubts: Vec<ShownDoubt>,
     headline: Option<Headline>,
     bought: String,
-    /// How much better the last fit predicts than the robot file; empty if it does not.
+    /// How much better the fit in which the policy was trained predicts than the robot file; empty if it does not.
     predicts: String,
     facts: Vec<Setting>,
     links: Vec<ShownLink>,
@@ -88,9 +88,10 @@ impl Page {
     }
 }
 
-/// Returns the gain of the last round's fit on walks that it did not see; empty beside a doubt.
+/// Returns the gain on walks that it did not see of the fit in which the policy was trained; empty beside a doubt.
 fn predicts(report: &LoopReport) -> String {
-    let held = report.rounds.last().and_then(|round| round.held_out.as_ref());
+    let round = report.best.map_or(report.rounds.last(), |best| report.rounds.get(best));
+    let held = round.and_then(|round| round.held_out.as_ref());
     let gain = held.and_then(held_out::gain).filter(|_| !page::is_severe(&report.doubts));
     gain.map_or(String::new(), |gain| held_out::gain_text(gain, "walks"))
 }

@@ -59,7 +59,7 @@ pub fn count(setup: &Setup, target: Option<&Target>) -> usize {
     if target.is_some_and(Target::measures) { 2 * asked.into_iter().filter(|&one| one).count() } else { 0 }
 }
 
-/// Trains and measures them. `round`: the one with the last fit; `trainings`: how many the policy had that they are
+/// Trains and measures them. `round`: the one that trained the policy that they are compared with; `trainings`: how many the policy had that they are
 /// compared with.
 ///
 /// # Errors

@@ -43,6 +43,9 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         // The first measurement is the one on the target, if it measures policies.
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
         rounds: rounds(folder, done)?,
+        best: results
+            .best_round()
+            .and_then(|best| results.rounds.iter().position(|one| one.round == best.round)),
         tracking: tracking(results),
         differences: results.comparisons.iter().map(difference).collect(),
         bought: results.bought.clone().unwrap_or_default(),

@@ -62,9 +62,9 @@ impl Walked {
             stopped => format!(", {stopped} of them stopped early"),
         };
         format!(
-            "{}: {} walks{stopped}, yaw rate off by {mean:.3}{} rad/s (gyroscope)",
+            "{}: {}{stopped}, yaw rate off by {mean:.3}{} rad/s (gyroscope)",
             self.policy,
-            self.walks,
+            gaitfit_model::counted(self.walks, "walk"),
             interval(ci95)
         )
     }

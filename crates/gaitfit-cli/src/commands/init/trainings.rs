@@ -227,7 +227,7 @@ fn gains(look: &Look) -> String {
     gains.map(|guess| guess.found.clone()).unwrap_or_default()
 }
 
-/// The message if no policy walks, with what to do. `written`: the configuration's file.
+/// The message if no policy walks, with what to do. `configuration`: its file.
 pub(super) fn remedy(args: &Init, trainings: &[Training], configuration: &Path) -> String {
     let written = configuration.display();
     let Some(best) = nearest(trainings).filter(|_| was_continued(trainings)) else {

@@ -72,9 +72,12 @@ pub fn held_out(
         Ok(walks)
     };
     let (after, before) = (walk(fitted)?, walk(nominal)?);
+    // Stretches that are shorter than a block are not compared, so their falls do not count either.
+    let counts = |log: usize| blocks.iter().any(|block| block.log == log);
     let falls = |walks: &[Vec<Predicted>]| {
-        let falls = walks.iter().flatten().filter(|log| log.fell_at.is_some()).count();
-        falls * simulations / walks.len()
+        let logs = walks.iter().flat_map(|walk| walk.iter().enumerate());
+        let falls = logs.filter(|(log, walk)| walk.fell_at.is_some() && counts(*log)).count();
+        falls * simulations / walks.len().max(1)
     };
     let (falls, nominal_falls) = (falls(&after), falls(&before));
     // Trials compare whole walks, so they are taken before the walks are cut.

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 const FAR: f64 = 1.5;
 /// A fit is a misfit too if it leaves more than this part of the distance that the robot before the fit had beyond the floor.
 const LEFT: f64 = 0.5;
-/// Largest share of logs in which a fitted robot may fall by chance.
+/// Largest share of simulated walks in which a fitted robot may fall by chance.
 const CHANCE: f64 = 0.02;
 
 /// The number of simulations in results of earlier builds.
@@ -39,7 +39,8 @@ pub struct HeldOut {
     pub logs: usize,
     /// Total time of them that counts, s.
     pub seconds: f64,
-    /// Number of times that the walks were simulated, each with other random draws (see `falls`).
+    /// Number of times that the walks were simulated, each with other random draws. A robot whose simulations are all alike is
+    /// simulated once, and its falls count as often.
     #[serde(default = "once")]
     pub simulations: usize,
     /// `wass` of the fitted robot, all simulations of the walks pooled; absent if it diverged. The robot's range is 2 in each of
@@ -48,7 +49,7 @@ pub struct HeldOut {
     /// `wass` of each simulation alone. They scatter, and are higher: a single walk's chance counts as a difference.
     #[serde(default)]
     pub single_costs: Vec<f64>,
-    /// The same of the robot before the fit.
+    /// `wass` of the robot before the fit, all simulations pooled.
     pub nominal_cost: Option<f64>,
     /// Distance of the robot from itself; absent if the logs are too short.
     pub floor: Option<Floor>,
@@ -124,8 +125,7 @@ impl HeldOut {
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
-        let [falls, nominal_falls] = [self.falls, self.nominal_falls].map(|falls| self.each_time(falls));
-        if falls > nominal_falls && falls > self.max_falls() {
+        if self.falls > self.nominal_falls && self.falls > self.max_falls() {
             return Verdict::Falls;
         }
         if self.trials.as_ref().is_some_and(Trials::explained) {
@@ -147,12 +147,6 @@ impl HeldOut {
         }
     }
 
-    /// Number of logs in which a robot falls each time they are simulated, rounded, if it falls so often in all simulations: the
-    /// logs show each walk once, so falls are judged for one time.
-    fn each_time(&self, falls: usize) -> usize {
-        (falls as f64 / self.simulations.max(1) as f64).round() as usize
-    }
-
     /// Falls in words: of how many simulated walks, or of how many logs if each was simulated once.
     fn falls_words(&self, falls: usize, logs: &str) -> String {
         match self.simulations {
@@ -161,13 +155,12 @@ impl HeldOut {
         }
     }
 
-    /// Max number of logs with a fall that are no doubt: 2 % of them, or the number that chance explains if the fitted robot falls
-    /// as often as the real one.
+    /// Max number of falls without a doubt, in all simulations: 2 % of the walks, or the number that chance explains if the fitted
+    /// robot falls as often as the real one.
     fn max_falls(&self) -> usize {
-        // The rate comes from a few falls, so it is uncertain itself: `max_falls_by_chance` takes their
-        // number into account.
-        let expected = self.robot_fall_rate * self.logs as f64;
-        max_falls_by_chance(expected, self.robot_falls).max((CHANCE * self.logs as f64) as usize)
+        let walks = (self.simulations.max(1) * self.logs) as f64;
+        let by_chance = max_falls_by_chance(self.robot_fall_rate * walks, self.robot_falls);
+        by_chance.max((CHANCE * walks).round() as usize)
     }
 
     /// Whether whole walks contradict the fit: no policy is to be trained in it.
@@ -224,7 +217,7 @@ impl HeldOut {
         }
         let Some(floor) = &self.floor else {
             return format!(
-                "the fit is {} from {logs} (wass; {nominal}), which are too short to compare the robot with itself",
+                "the fit is {} from {logs} (wass; {nominal}), which are too short to compare the robot with itself{falls}",
                 number(self.cost)
             );
         };
@@ -310,7 +303,7 @@ mod tests {
         let falling =
             |falls| HeldOut { falls, robot_fall_rate: 0.25, robot_falls: 4, ..example(0.0121, 0.2, floor) };
         assert_eq!((falling(10).verdict(), falling(11).verdict()), (Verdict::Explained, Verdict::Falls));
-        // Eight simulations of 16 logs: half a fall each time rounds to one log, less does not.
+        // Two of a hundred walks are no doubt, whether 16 logs are simulated once or eight times.
         let of_eight = |falls| HeldOut { simulations: 8, falls, ..example(0.0121, 0.2, floor) };
         let (verdict, text, _) = said(of_eight(3));
         assert!(
@@ -324,6 +317,8 @@ mod tests {
                 && text.contains("falls in 4 of 128 simulated walks of 16 held-out logs"),
             "{text}"
         );
+        let one_log = |falls| HeldOut { logs: 1, simulations: 8, falls, ..example(0.0121, 0.2, floor) };
+        assert_eq!([0, 1].map(|falls| one_log(falls).verdict()), [Verdict::Explained, Verdict::Falls]);
         let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
         let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..example(0.1, 0.2, floor) });
         assert!(
