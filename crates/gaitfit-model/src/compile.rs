@@ -11,7 +11,7 @@ use crate::mend::{fill_masses, outlines};
 use crate::model::{Body, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
 use crate::orientation::compose;
-use crate::root::{Robot, attach, choose_robot, free_joint, weld_roots};
+use crate::root::{attach, choose_robot, free_joint, is_below, weld_roots};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
 use crate::self_contact::Parts;

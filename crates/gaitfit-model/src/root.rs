@@ -7,7 +7,7 @@ use crate::shown::shown;
 use crate::spec::Spec;
 
 /// Whether `body` is `root` or below it.
-fn is_below(spec: &Spec, mut body: usize, root: usize) -> bool {
+pub(crate) fn is_below(spec: &Spec, mut body: usize, root: usize) -> bool {
     // Parents have smaller numbers than their children, so the climb stops at `root` or passes it.
     while body > root {
         body = spec.bodies[body].parent;

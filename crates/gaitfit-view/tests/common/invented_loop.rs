@@ -39,6 +39,7 @@ pub fn two_rounds(seeds: usize, generations: usize, frames: usize) -> LoopReport
             round("Round 1: π₀ → π₁", 0, seeds, generations),
             round("Round 2: π₁ → π₂", 1, seeds, generations),
         ],
+        best: None,
         tracking: tracking(),
         differences: vec![Difference {
             policy: "π₂".into(),

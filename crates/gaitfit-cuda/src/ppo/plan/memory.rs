@@ -1,7 +1,7 @@
 //! The memories' part of an update: what stands before the networks, and the way back through it.
 
 use super::super::launch::{Batch, Kind, Launch, Value};
-use super::shared::{TEAM, shared};
+use super::shared::TEAM;
 use super::{CHUNK, Maker, launch, word};
 use crate::runtime::Shape;
 use gaitfit_policy::network::{Cell, RecurrentShape};

@@ -6,7 +6,7 @@ use gaitfit_policy::network::RecurrentShape;
 /// Robots of a block; `TEAM` of the text.
 pub(super) const TEAM: usize = 8;
 /// Bytes of shared memory that the kernels need for memories of these shapes.
-pub(super) fn shared(shape: &RecurrentShape) -> usize {
+fn shared(shape: &RecurrentShape) -> usize {
     let numbers = |layer: &gaitfit_policy::network::RecurrentSpan| {
         let wide = shape.cell.gates() * layer.hidden;
         (layer.inputs + layer.hidden).max(2 * layer.hidden + wide)
