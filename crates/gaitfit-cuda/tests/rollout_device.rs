@@ -252,7 +252,8 @@ fn gpu_training_with_silu_and_a_bounded_output_is_the_cpus() {
         let (wanted, outcome) = (cpu.iterate(8).unwrap(), trainer.iterate().unwrap());
         let (got, wanted) = (outcome.diagnostics, wanted.diagnostics);
         println!("{precision:?}: {got:?}\n{wanted:?}");
-        assert!(got.clip_fraction == 0.0 && got.approx_kl_k3.abs() < 1e-9, "{got:?}");
+        // In single precision each sample's log-probability rounds by about 1e-6.
+        assert!(got.clip_fraction == 0.0 && got.approx_kl_k3.abs() < 1e-6, "{got:?}");
         let near = |got: f64, want: f64| assert!((got - want).abs() < 0.05 * want.abs(), "{got} {want}");
         near(got.value_loss, wanted.value_loss);
         near(got.gradient_norm, wanted.gradient_norm);
