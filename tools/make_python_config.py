@@ -53,7 +53,7 @@ FIT = [
     Class("Fit", "AdaptConfig", SETTINGS / "mod.rs", "fit"),
 ]
 TASKS = [
-    Class("Term", "Term", CRATES / "gaitfit-policy" / "src" / "interface.rs", first="quantity"),
+    Class("Term", "Term", CRATES / "gaitfit-policy" / "src" / "term.rs", first="quantity"),
     Class("History", "History", CRATES / "gaitfit-policy" / "src" / "history.rs"),
     Class("TaskPolicy", "PolicySettings", TASK / "settings.rs", "task.policy"),
     Class("Curriculum", "CurriculumSettings", TASK / "settings.rs"),
