@@ -66,6 +66,20 @@ impl Model {
         self.couple_others(positions, &[]);
     }
 
+    /// Gives the joints that follow others the velocities that their leaders have there, by the couplings' slopes; `positions` and
+    /// `velocities`: of all joints, rad or m, rad/s or m/s.
+    pub fn couple_velocities(&self, positions: &[f64], velocities: &mut [f64]) {
+        // As many turns as there are couplings settle the longest chain, as in `couple_others`.
+        for _ in 0..self.couplings.len() {
+            for coupling in &self.couplings {
+                let velocity = |leader: usize| {
+                    coupling.slope(positions[leader] - self.joints[leader].reference) * velocities[leader]
+                };
+                velocities[coupling.follower] = coupling.leader.map_or(0.0, velocity);
+            }
+        }
+    }
+
     /// As [`Model::couple`], except for the joints `stated`, by index.
     pub fn couple_others(&self, positions: &mut [f64], stated: &[usize]) {
         // A leader may follow another joint, whose coupling may come later.

@@ -339,6 +339,12 @@ impl Coupling {
         // Horner's scheme, from the highest power down.
         self.polynomial.iter().rev().fold(0.0, |sum, c| sum * x + c)
     }
+
+    /// The follower's velocity over the leader's, where the leader is `x` from its reference.
+    pub fn slope(&self, x: f64) -> f64 {
+        // Horner's scheme on the derivative.
+        (1..self.polynomial.len()).rev().fold(0.0, |sum, k| sum * x + k as f64 * self.polynomial[k])
+    }
 }
 
 /// A named state.

@@ -68,6 +68,9 @@ fn couplings_are_read_with_their_defaults() {
     let mut positions = vec![0.5, 9.0, 9.0, 0.7, 0.8];
     model.couple(&mut positions);
     assert_eq!(positions, [0.5, 1.1, 0.3, 0.7, 0.8]);
+    let mut velocities = vec![3.0, 9.0, 9.0, 0.7, 0.8];
+    model.couple_velocities(&positions, &mut velocities);
+    assert_eq!(velocities, [3.0, 6.0, 0.0, 0.7, 0.8]);
     // A file that is written has them.
     let again = strict(&model.to_mjcf(&[], None).unwrap()).unwrap();
     assert_eq!(again.couplings, model.couplings);

@@ -57,7 +57,9 @@ fn cxx_steps_of_joints_that_follow_others_are_the_cpus() {
         <joint joint1=\"FR_thigh_joint\" joint2=\"FL_thigh_joint\" polycoef=\"0.1 0.9 0 0 0\"/></equality>";
     let coupled = gaitfit_model::builtin::GO2.replacen("</worldbody>", couplings, 1);
     let model = gaitfit_model::read_mjcf_str(&coupled, &Default::default()).unwrap();
-    let task = Task::new(&model, &lively("velocity"), Preset::Fast).unwrap();
+    let mut settings = lively("velocity");
+    settings.start.joint_velocity = 1.5;
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
     compare("coupled thighs", &task, &Candidate::nominal(&model));
 }
 

@@ -28,6 +28,9 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
     }
     // Joints that follow others start where their leaders put them.
     model.couple(&mut angles);
+    let mut velocities: Vec<f64> =
+        (0..joints).map(|j| either(8 + joints + j, settings.joint_velocity)).collect();
+    model.couple_velocities(&angles, &mut velocities);
     Start {
         base_linear: [
             either(3, settings.linear_velocity) as f32,
@@ -35,7 +38,7 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
             0.0,
         ],
         base_angular: std::array::from_fn(|k| either(5 + k as u32, settings.angular_velocity) as f32),
-        joint_velocity: (0..joints).map(|j| either(8 + joints + j, settings.joint_velocity) as f32).collect(),
+        joint_velocity: velocities.iter().map(|&velocity| velocity as f32).collect(),
         ..task.walker.standing(place, quaternion, &angles)
     }
 }

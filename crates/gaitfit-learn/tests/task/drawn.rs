@@ -321,6 +321,7 @@ fn joints_that_follow_others_start_where_their_leaders_put_them() {
     let model = gaitfit_model::read_mjcf_str(&coupled, &Default::default()).unwrap();
     let mut task = built_in("velocity");
     task.start.pose.insert("*_thigh".to_owned(), 0.7);
+    task.start.joint_velocity = 1.5;
     let scene = Task::new(&model, &task, Preset::Fast).unwrap();
     let place = |joint: &str| model.find_joint(joint).unwrap();
     let [leader, follower, last] = ["FL_thigh_joint", "FR_thigh_joint", "RR_thigh_joint"].map(place);
@@ -335,5 +336,13 @@ fn joints_that_follow_others_start_where_their_leaders_put_them() {
     let environment = Environment::new(&scene, None, 4, 0, 4).unwrap();
     let motion = environment.motion();
     motion.joint_position.chunks_exact(12).for_each(starts);
+    for velocities in motion.joint_velocity.chunks_exact(12) {
+        let wanted = 0.9 * velocities[leader];
+        assert!(
+            velocities[leader] != 0.0
+                && [follower, last].map(|j| (velocities[j] - wanted).abs() < 1e-6) == [true; 2],
+            "{velocities:?}"
+        );
+    }
     assert!(motion.joint_position[leader] != motion.joint_position[12 + leader]);
 }

@@ -142,6 +142,21 @@ DEVICE void start_episode(
         for (int axis = 0; axis < 3; axis++) CENTRE(k, axis) = 0.0f;
     __syncthreads();
     if (thread != 0) return;
+#if COUPLINGS > 0
+    // Joints that follow others move as their leaders do there.
+    double rates[JOINTS];
+    for (int j = 0; j < JOINTS; j++) rates[j] = EITHER(8 + JOINTS + j, START_JOINT_VELOCITY);
+    for (int turn = 0; turn < COUPLINGS; turn++) {
+        for (int k = 0; k < COUPLINGS; k++) {
+            Coupling coupling = COUPLING[k];
+            int leader = coupling.leader;
+            double x = leader < 0 ? 0.0 : placing.angles[leader] - JOINT[leader].reference, slope = 0.0;
+            for (int power = 4; power >= 1; power--) slope = slope * x + power * coupling.polynomial[power];
+            rates[coupling.follower] = leader < 0 ? 0.0 : slope * rates[leader];
+        }
+    }
+    for (int k = 0; k < COUPLINGS; k++) STATE(QVEL + COUPLING[k].follower) = (float)rates[COUPLING[k].follower];
+#endif
     double height = SHAPES > 0 ? placing.heights[0] : HEIGHT_WITHOUT_SHAPES;
     for (int k = 1; k < SHAPES; k++) height = placing.heights[k] > height ? placing.heights[k] : height;
     for (int k = 0; k < 2; k++) STATE(POSITION + k) = (float)place[k];
