@@ -99,6 +99,7 @@ impl ActuatorForm {
         }
         let mut kp = self.gain;
         a.set_nonnegative(ctx, "kp", &mut kp)?;
+        // NaN stands for what neither the element nor its attributes state: 0 is a value that a file may give.
         let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
         a.set_nonnegative(ctx, "kv", &mut kv)?;
         a.set_nonnegative(ctx, "dampratio", &mut ratio)?;

@@ -36,6 +36,7 @@ pub(crate) fn attached(ctx: &mut Context, document: &Element) -> Result<Option<E
 }
 
 fn holds(element: &Element) -> bool {
+    // The document below a <model> is not part of this one: `assembled` looks into it when it is attached.
     element.name == "attach" || element.children.iter().any(|child| child.name != "model" && holds(child))
 }
 

@@ -33,6 +33,7 @@ pub(crate) fn compile(
     stem: &str,
     wanted: Option<Root>,
 ) -> Result<Model, ModelError> {
+    // Names come first, because messages of all later steps use them.
     name_everything(ctx, &mut spec)?;
     scale_total_mass(&mut spec);
     let Some(robot) = choose_robot(ctx, &spec)? else {

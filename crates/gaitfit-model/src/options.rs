@@ -38,6 +38,7 @@ impl Default for Compiler {
             units: AngleUnits::default(),
             autolimits: true,
             inertia_from_geom: InertiaFromGeom::Auto,
+            // MuJoCo's groups are 0 to 5, so by default every geom counts.
             inertia_groups: [0, 5],
             balance_inertia: false,
             bound_mass: 0.0,

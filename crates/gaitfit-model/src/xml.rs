@@ -14,6 +14,7 @@ use crate::error::{ModelError, Place};
 use crate::scan::{self, MAX_NODES};
 use crate::shown::{escaped, shown, shown_path};
 
+// Places hold bytes as `u32`, so this must stay below 4 GiB.
 /// Max number of bytes of all files together.
 const MAX_BYTES: usize = 16 << 20;
 /// Max number of files joined by `<include>`.

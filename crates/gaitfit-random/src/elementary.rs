@@ -34,6 +34,7 @@ const COSINE_SINE: [(f64, f64); 8] = {
 #[inline(always)]
 pub(crate) fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
+    // The lower 52 bits are the fraction. An exponent of 1023 stands for 2⁰, so this lies in [1, 2).
     let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
     // Arithmetic instead of a branch that half of all draws would mispredict: one less in the exponent halves.
     let upper = u64::from(mantissa >= SQRT_2);

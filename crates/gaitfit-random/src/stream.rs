@@ -94,6 +94,7 @@ impl Stream {
     #[inline]
     pub fn uniform_f32(self, draw: u32) -> f32 {
         const SCALE: f32 = 1.0 / (1 << 24) as f32;
+        // 24 bits are the precision of `f32`: each value is exact, and 1 is never reached.
         (self.word(draw) >> 8) as f32 * SCALE
     }
 

@@ -21,6 +21,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
 
 /// Σ (x − x̄)² over the values; 0 of nothing.
 pub fn squares(values: &[f64]) -> f64 {
+    // In two passes: the mean square less the squared mean would lose digits where the mean is large.
     let mean = mean(values).unwrap_or(0.0);
     values.iter().map(|value| (value - mean) * (value - mean)).sum()
 }

@@ -7,6 +7,7 @@ use std::collections::BinaryHeap;
 use super::thin::Pool;
 use crate::rotation::{Vec3, add, cross, dot, sub, unit};
 
+// Without this weight a flat open surface could shrink from its border at no cost.
 /// Weight of the borders of open surfaces beside their faces.
 const BORDER: f64 = 3.0;
 /// Share of a collapse's cost that is its edge's length: on a plane short edges go first.
@@ -69,6 +70,7 @@ impl Quadric {
         let point = if near { solved } else { middle };
         let error: f64 =
             (0..3).map(|k| point[k] * dot(self.a[k], point)).sum::<f64>() + 2.0 * dot(self.b, point) + self.c;
+        // Rounding may bring the squared distance of a point that lies on all its planes below 0.
         (point, error.max(0.0) + SHORT * trace * length)
     }
 }
@@ -156,6 +158,7 @@ impl<'a> Work<'a> {
                 sides.push((ends, number));
             }
         }
+        // Sorted, all faces of one edge stand next to each other.
         sides.sort_unstable();
         for same in sides.chunk_by(|(one, _), (other, _)| one == other) {
             // An edge of one face is a border. A plane through it, square to the face, keeps it in place.
@@ -164,6 +167,7 @@ impl<'a> Work<'a> {
             let along = sub(points[1], points[0]);
             let normal = across(pool.triangles[face].map(|corner| pool.vertices[corner as usize]));
             let Some(side) = unit(cross(along, normal)) else { continue };
+            // The edge's squared length is an area, as the weights of faces are.
             let border = Quadric::of_plane(side, points[0], BORDER * dot(along, along));
             for end in ends {
                 quadrics[end as usize] = quadrics[end as usize].plus(border);
@@ -197,6 +201,7 @@ impl<'a> Work<'a> {
         let stays = |end: u32, other: u32| {
             self.faces[end as usize].iter().all(|&face| {
                 let triangle = self.pool.triangles[face as usize];
+                // A face with both ends of the edge vanishes with it, so its direction does not matter.
                 if triangle.contains(&other) {
                     return true;
                 }

@@ -20,6 +20,7 @@ use crate::spec::{GeomKind, Spec, Surface};
 
 pub use error::SelfContactError;
 
+// Every physics step looks at each pair, so their number bounds the time of a step.
 /// Max number of pairs.
 const MAX_PAIRS: usize = 512;
 /// Max number of names in a list of a message.
@@ -181,6 +182,7 @@ impl Parts {
             });
         }
         let pairs = spec.pairs.iter().filter_map(|pair| {
+            // A geom that is not a part of the robot, such as the floor, has no number: its pairs are left out here.
             let [a, b] = pair.geoms.map(|geom| numbers.get(geom).copied().flatten());
             Some(([a?.min(b?), a?.max(b?)], pair.parameters.clone()))
         });
@@ -198,6 +200,7 @@ impl Parts {
     /// Whether MuJoCo's filter of bodies lets two parts touch.
     fn apart(&self, a: usize, b: usize) -> bool {
         let (first, second) = (&self.parts[a], &self.parts[b]);
+        // As in MuJoCo the world is no neighbour: what hangs on it may touch what is fixed to it.
         let carried = first.weld != 0
             && second.weld != 0
             && (first.parent == second.weld || second.parent == first.weld);
@@ -211,6 +214,7 @@ impl Parts {
         if self.off {
             return pairs;
         }
+        // An explicit pair counts whatever the contact bits and filters say.
         pairs.extend(self.pairs.iter().map(|(parts, _)| *parts));
         for a in 0..self.parts.len() {
             for b in a + 1..self.parts.len() {

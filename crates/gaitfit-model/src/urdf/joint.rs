@@ -100,6 +100,7 @@ pub(super) fn read_joint(
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
         }
     };
+    // A continuous joint turns without end, whatever its <limit> says.
     if bounded && !unlimited {
         joint.range = Some(range(ctx, element, kind, limits)?);
     }

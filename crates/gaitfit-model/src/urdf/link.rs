@@ -160,6 +160,7 @@ fn read_collision(
             "origin" => pose = read_origin(ctx, child)?,
             "geometry" => {
                 for shape in &child.children {
+                    // A <geometry> should have one shape; of several the last one counts.
                     kind = read_shape(ctx, shape, link)?;
                 }
             }

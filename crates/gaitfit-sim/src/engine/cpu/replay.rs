@@ -158,6 +158,7 @@ impl<T: Lanes> Block<T> {
         // included.
         self.state = State::new(&replay.tree);
         for j in 0..n {
+            // The encoder shows the true angle plus its bias.
             let start = |lane: &Lane| recordings[lane.recording].q0[j] - lane.params.joints[j].encoder_bias;
             self.state.qpos[j] = gather(&start);
             self.state.qvel[j] = gather(&|lane| recordings[lane.recording].dq0[j]);
@@ -246,6 +247,7 @@ impl Recorder {
             let length = replay.recordings[lane.recording].target.len() / n;
             self.lengths.push(length);
             self.biases.extend(lane.params.joints.iter().map(|joint| joint.encoder_bias as f32));
+            // Numbers of the block before may stay: every sample of every lane is written before it is read.
             signals.position.resize(length * n, 0.0);
             signals.velocity.resize(length * n, 0.0);
         }
