@@ -252,6 +252,7 @@ impl Attacher<'_, '_, '_> {
                         // `rename` prefixes names of bodies' elements only; those of assets follow here.
                         let name = child.attributes.iter_mut().find(|attribute| attribute.name == "name");
                         name.into_iter().for_each(|name| name.value.insert_str(0, prefix));
+                        // Without it the mesh would get the scale of this file's main class.
                         if child.name == "mesh" && child.get("class").is_none() {
                             child.attributes.push(class.clone());
                         }
@@ -285,6 +286,7 @@ impl Attacher<'_, '_, '_> {
                     copy.children = kept;
                     self.sections.push(copy);
                 }
+                // Options, the compiler's settings and custom data do not come along.
                 _ => {}
             }
         }

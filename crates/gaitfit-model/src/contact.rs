@@ -121,6 +121,7 @@ fn computed(
     refused: &mut HashSet<At>,
 ) -> Result<bool, ModelError> {
     let GeomKind::Solid(shape) = geom.kind else { return Ok(false) };
+    // Planes touch every solid; boxes and height fields touch round shapes only.
     let round = matches!(shape, Shape::Sphere { .. } | Shape::Capsule { .. });
     if ground.kind == GeomKind::Plane || round {
         return Ok(true);

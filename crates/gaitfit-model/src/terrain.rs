@@ -64,6 +64,7 @@ pub struct HeightField {
     pub heights: Vec<f64>,
 }
 
+// 1024 × 1024 vertices are 8 MiB of heights.
 /// Max number of vertices of a height field.
 const MAX_VERTICES: usize = 1 << 20;
 /// Max number of height fields of a file.

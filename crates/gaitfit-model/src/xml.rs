@@ -347,6 +347,7 @@ fn xacro(document: &Document) -> Option<usize> {
             || node.attributes().any(|attribute| is_xacro(attribute.namespace()))
     });
     let declared = root.namespaces().any(|namespace| is_xacro(Some(namespace.uri())));
+    // `${` marks a template only where xacro is declared: any other text may hold it too.
     let filled = |node: &Node| node.attributes().any(|attribute| attribute.value().contains("${"));
     let template = || document.descendants().find(|node| declared && node.is_element() && filled(node));
     used.or_else(template).map(|node| node.range().start)

@@ -43,6 +43,7 @@ pub(crate) fn ln(x: f64) -> f64 {
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let s2 = s * s;
     let mut series = 0.0;
+    // Horner's scheme in s², from the highest power down.
     for coefficient in ARTANH.iter().rev() {
         series = series * s2 + coefficient;
     }
@@ -56,10 +57,12 @@ pub(crate) fn ln(x: f64) -> f64 {
 #[inline(always)]
 pub(crate) fn cos_sin_turns(t: f64) -> (f64, f64) {
     // Adding a half and cutting off rounds to the nearest quarter.
+    // From t = 7/8 on it is 4, a whole turn, which acts below as 0 does.
     let quarter = (4.0 * t + 0.5) as u32;
     let angle = TAU * (t - 0.25 * f64::from(quarter));
     let square = angle * angle;
     let (mut cosine, mut sine) = (1.0, 1.0);
+    // From the last term inwards: each step is 1 less a ratio times all that follows it.
     for (even, odd) in COSINE_SINE.iter().rev() {
         cosine = 1.0 - cosine * (square * even);
         sine = 1.0 - sine * (square * odd);

@@ -121,6 +121,7 @@ impl Stream {
         for value in &mut *head {
             *value = self.normal(first);
         }
+        // Whole pairs begin with the next even draw.
         let mut block = first.div_ceil(2);
         for pair in rest.chunks_mut(2) {
             let values = self.normal_pair(block);

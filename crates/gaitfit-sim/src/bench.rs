@@ -201,6 +201,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     }
     let environments = blocks * T::LANES;
     Ok(PhysicsSpeed {
+        // Times ascend: the middle one is the median, and the first one is the best.
         substeps_per_second: steps / times[times.len() / 2],
         best_substeps_per_second: steps / times[0],
         threads: bench.threads,

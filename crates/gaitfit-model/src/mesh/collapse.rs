@@ -7,7 +7,7 @@ use std::collections::BinaryHeap;
 use super::thin::Pool;
 use crate::rotation::{Vec3, add, cross, dot, sub, unit};
 
-// Without this weight a flat open surface could shrink from its border at no cost.
+// Without this weight a flat open surface could shrink from its border at almost no cost.
 /// Weight of the borders of open surfaces beside their faces.
 const BORDER: f64 = 3.0;
 /// Share of a collapse's cost that is its edge's length: on a plane short edges go first.
@@ -146,6 +146,7 @@ impl<'a> Work<'a> {
         for (number, triangle) in pool.triangles.iter().enumerate() {
             let across = across(triangle.map(|corner| pool.vertices[corner as usize]));
             let area = dot(across, across).sqrt() / 2.0;
+            // A face without area has no normal; its quadric has the weight 0 in any case.
             let normal = unit(across).unwrap_or_default();
             // Weighted by area, so that a finer triangulation of the same surface weighs no more.
             let plane = Quadric::of_plane(normal, pool.vertices[triangle[0] as usize], area);
@@ -221,6 +222,7 @@ impl<'a> Work<'a> {
 
     /// Makes the ends of an edge one vertex; returns how many triangles that removes.
     fn join(&mut self, edge: &Edge) -> usize {
+        // The first end keeps its number, and faces of the other one are renamed.
         let [kept, gone] = edge.ends.map(|end| end as usize);
         self.pool.vertices[kept] = edge.point;
         self.quadrics[kept] = self.quadrics[kept].plus(self.quadrics[gone]);

@@ -22,7 +22,7 @@ pub use measure::Measure;
 pub(crate) use thin::Pool;
 pub use thin::ThinMesh;
 
-// A binary STL of `MAX_TRIANGLES` has 25 MiB; texts need more bytes for each triangle.
+// A binary STL of `MAX_TRIANGLES` triangles has 25 MiB.
 /// Max size of a mesh file, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 /// Max number of triangles that are kept of a file.

@@ -84,6 +84,7 @@ impl Pool {
             // Some files have each triangle twice, once for either side.
             self.cluster(0.0);
         }
+        // The time that collapses take grows with the triangles; spare vertices cost next to nothing.
         self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
         // Collapses leave vertices without triangles, and triangles that are there twice.

@@ -148,6 +148,7 @@ impl Parts {
         let root = robot.iter().position(|member| *member).unwrap_or(0);
         let mut numbers = Vec::new();
         let mut parts = Vec::new();
+        // The body that carries a moving one; parts that are welded between the two do not count.
         let carrier = |weld: usize| welds[spec.bodies[weld].parent];
         for (body, geom) in numbered(spec) {
             let (shape, other) = match geom.kind {
@@ -295,6 +296,7 @@ impl Parts {
         }
         // MuJoCo orders the geoms of a contact by type, which sets the sign of its normal.
         geoms.sort_by_key(order);
+        // An explicit pair has parameters of its own; other pairs mix those of their geoms.
         let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
         let contact = match explicit {
             Some((_, contact)) => contact.clone(),
@@ -371,6 +373,7 @@ impl Model {
         // An earlier choice is replaced.
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
+        // Which edge of a box faces the other part is decided once, with all joints at their references.
         let frames = rest_frames(self);
         let contacts: Vec<Result<Computed, String>> =
             wanted.into_iter().map(|[a, b]| parts.pair(a, b, &frames)).collect();

@@ -111,6 +111,7 @@ pub(super) fn read_joint(
         pos: pose.0,
         quat: pose.1,
         joint: moves.then_some(joint),
+        // A weld cannot follow another joint, so its <mimic> means nothing.
         follows: follows.filter(|_| moves),
         floats,
         unlimited,

@@ -69,6 +69,7 @@ pub(super) fn params(replay: &Replay, candidates: &[Robot]) -> Result<Vec<Params
 pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
     let mut jobs: Vec<(usize, usize)> =
         (0..replay.recordings.len()).flat_map(|r| (0..count).map(move |c| (c, r))).collect();
+    // The longest come first, so that no thread begins a long block when the others are done.
     jobs.sort_by_key(|&(_, r)| std::cmp::Reverse(replay.recordings[r].target.len()));
     jobs
 }

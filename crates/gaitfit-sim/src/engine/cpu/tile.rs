@@ -64,6 +64,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
                 tracked: vec![[T::zero(); 3]; shared.tracked.len()],
                 torque: vec![T::zero(); joints],
                 memory: vec![T::zero(); memory],
+                // No robot has got a target yet.
                 fresh: [true; WIDEST],
             }
         };
