@@ -93,6 +93,7 @@ impl Batch {
             ..plain
         };
         let tree = compile::<f32>(model, &settings)?;
+        // One entry a compiled pair: forces and places are reported pair by pair.
         let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
         let mut tracked = Vec::with_capacity(options.tracked.len());
         for name in &options.tracked {

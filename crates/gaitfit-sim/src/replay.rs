@@ -169,6 +169,7 @@ fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
     if joints == 0 || !recording.target.len().is_multiple_of(joints) {
         return Err(format!("{} target values are not rows of {joints} joints", recording.target.len()));
     }
+    // Row 0 is the initial state, which matches in any case.
     if samples < 2 {
         return Err("fewer than two samples; nothing can be compared".to_owned());
     }

@@ -81,6 +81,7 @@ impl Estimate {
             return None;
         }
         let (n, p) = (count as f64, hits as f64 / count as f64);
+        // Wilson's interval is not centred on the plain share; its half width is given all the same.
         let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
         Some(Self { mean: p, ci95: Some(half) })
     }
