@@ -84,6 +84,7 @@ impl ActuatorForm {
                 // The gain of a position servo is a kp, in another unit: it is not inherited.
                 let mut kv = if matches!(self.servo, None | Some("velocity")) { self.gain } else { 1.0 };
                 a.set_nonnegative(ctx, "kv", &mut kv)?;
+                // A velocity servo's force is kv · (control − velocity).
                 (self.gain, self.bias_type, self.bias) = (kv, 1, [0.0, 0.0, -kv]);
                 self.servo = Some("velocity");
             }
@@ -99,6 +100,7 @@ impl ActuatorForm {
         }
         let mut kp = self.gain;
         a.set_nonnegative(ctx, "kp", &mut kp)?;
+        // NaN stands for what the element does not state: 0 is a value that a file may give.
         let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
         a.set_nonnegative(ctx, "kv", &mut kv)?;
         a.set_nonnegative(ctx, "dampratio", &mut ratio)?;

@@ -36,6 +36,7 @@ pub(crate) fn attached(ctx: &mut Context, document: &Element) -> Result<Option<E
 }
 
 fn holds(element: &Element) -> bool {
+    // The document below a <model> is not part of this one: `assembled` looks into it when it is attached.
     element.name == "attach" || element.children.iter().any(|child| child.name != "model" && holds(child))
 }
 
@@ -251,6 +252,7 @@ impl Attacher<'_, '_, '_> {
                         // `rename` prefixes names of bodies' elements only; those of assets follow here.
                         let name = child.attributes.iter_mut().find(|attribute| attribute.name == "name");
                         name.into_iter().for_each(|name| name.value.insert_str(0, prefix));
+                        // Without it the mesh would get the scale of this file's main class.
                         if child.name == "mesh" && child.get("class").is_none() {
                             child.attributes.push(class.clone());
                         }
@@ -284,6 +286,7 @@ impl Attacher<'_, '_, '_> {
                     copy.children = kept;
                     self.sections.push(copy);
                 }
+                // Options, the compiler's settings and custom data do not come along.
                 _ => {}
             }
         }

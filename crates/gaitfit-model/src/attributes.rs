@@ -62,6 +62,7 @@ impl Context<'_> {
         if !self.drops() {
             return Err(self.unsupported(at, &what, &why, remedy));
         }
+        // All that changes the motion must be in the list, so a full list is an error here.
         if self.dropped.len() >= MAX_DROPPED {
             return Err(ModelError::TooLarge {
                 place: self.sources.place(at),

@@ -335,6 +335,7 @@ impl<'c, 's> BodyReader<'c, 's> {
             self.ctx.refuse(child.at, child.label(), "geom plugins are not simulated", "remove it")?;
         }
         let (mut geom, part) = form.finish(self.ctx, element, self.fields, self.meshes)?;
+        // The file states poses in the innermost frame; from here on they are in the body's.
         (geom.pos, geom.quat) = compose(scope.frame, (geom.pos, geom.quat));
         let part = part.map(|p| {
             let (pos, quat) = compose(scope.frame, (p.pos, p.quat));

@@ -33,6 +33,7 @@ pub(crate) fn compile(
     stem: &str,
     wanted: Option<Root>,
 ) -> Result<Model, ModelError> {
+    // Names come first, because messages of all later steps use them.
     name_everything(ctx, &mut spec)?;
     scale_total_mass(&mut spec);
     let Some(robot) = choose_robot(ctx, &spec)? else {
@@ -313,6 +314,7 @@ fn fill_geoms(
                     quat: geom.quat,
                 });
             }
+            // A box that does not move and is no part of the robot is ground.
             GeomKind::Solid(Shape::Box { .. }) | GeomKind::Field(_) if welds[body] == 0 && !member[body] => {
                 if paired {
                     place = Some(Place::Ground(Ground::Obstacle { obstacle: model.obstacles.len() }));
@@ -321,6 +323,7 @@ fn fill_geoms(
                     ctx.drop_quietly(geom.at, what(kind), "no geom of the robot meets it");
                 }
             }
+            // Another shape of the world could touch the robot and change its motion.
             _ if !member[body] => ctx.refuse(
                 geom.at,
                 what(kind),

@@ -76,6 +76,7 @@ pub(crate) fn candidates(
         let [a, b] = pair.geoms;
         // An explicit pair stands in the place of the one that the contact bits would make.
         explicit.insert((a.min(b), a.max(b)));
+        // The file may name the ground first or second.
         let (ground, geom) = if is_ground(a) { (a, b) } else { (b, a) };
         if is_ground(ground) && touches(geom) && computed(ctx, geoms[geom].1, geoms[ground].1, &mut refused)?
         {
@@ -120,6 +121,7 @@ fn computed(
     refused: &mut HashSet<At>,
 ) -> Result<bool, ModelError> {
     let GeomKind::Solid(shape) = geom.kind else { return Ok(false) };
+    // Planes touch every solid; boxes and height fields touch round shapes only.
     let round = matches!(shape, Shape::Sphere { .. } | Shape::Capsule { .. });
     if ground.kind == GeomKind::Plane || round {
         return Ok(true);

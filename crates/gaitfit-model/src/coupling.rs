@@ -240,6 +240,7 @@ pub(crate) fn resolve(
                 continue;
             }
         };
+        // Couplings are taken up in file order, so the one that closes a ring is the one that is refused.
         if leads_back(follower, leader, &kept) {
             let other = shown(coupling.leader.as_deref().unwrap_or_default());
             let (what, remedy) = match leader == Some(follower) {
@@ -277,6 +278,7 @@ fn leads_back(follower: usize, leader: Option<usize>, kept: &[Coupling]) -> bool
 
 /// The couplings of the robot that a file's content becomes; `joint_numbers`: the model's joints, by those of `spec`.
 pub(crate) fn of_robot(spec: &Spec, joint_numbers: &[Option<usize>]) -> Vec<Coupling> {
+    // A follower on a dropped body takes its coupling with it.
     let all = spec.couplings.iter().filter_map(|coupling| {
         let follower = joint_numbers[coupling.follower]?;
         // A coupling goes with its leader if that belongs to a body that was dropped.

@@ -163,12 +163,13 @@ fn read_entry(
         "site" => class.site.apply(ctx, &mut a, compiler)?,
         "pair" => crate::pairs::apply_pair(ctx, &mut a, &mut class.pair)?,
         kind if KINDS.contains(&kind) => class.actuator.apply(ctx, &mut a)?,
-        // Defaults of things that are ignored, or refused where they are used.
+        // Only the scale of a mesh counts here, so its other attributes are passed over.
         "mesh" => {
             a.set_array(ctx, "scale", &mut class.mesh_scale)?;
             return Ok(());
         }
         "equality" => class.coupling.apply(ctx, &mut a)?,
+        // Defaults of things that are ignored, or refused where they are used.
         "material" | "camera" | "light" | "tendon" => return Ok(()),
         kind if FOREIGN_KINDS.contains(&kind) => {
             return ctx.refuse(

@@ -247,6 +247,7 @@ impl GeomForm {
         quat: Quat,
     ) -> Result<Option<Inertial>, ModelError> {
         let massless = self.mass == Some(0.0) || (self.mass.is_none() && self.density == 0.0);
+        // As in MuJoCo planes and height fields have no mass.
         if massless || kind == GeomKind::Plane || self.field.is_some() {
             return Ok(Some(MASSLESS));
         }

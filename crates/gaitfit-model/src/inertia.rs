@@ -131,6 +131,7 @@ pub(crate) fn principal(tensor: Tensor) -> (Vec3, Quat) {
     for _ in 0..60 {
         let off = a[0][1].abs().max(a[0][2].abs()).max(a[1][2].abs());
         let scale = a[0][0].abs().max(a[1][1].abs()).max(a[2][2].abs());
+        // What is left is a hundredth of the rounding error of the largest entry: more sweeps gain nothing.
         if off <= f64::EPSILON * scale * 0.01 {
             break;
         }
@@ -158,6 +159,7 @@ fn rotate_away(a: &mut [[f64; 3]; 3], quat: &mut Quat, p: usize, q: usize) {
     }
     let tau = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
     // The smaller root of t² + 2 τ t − 1 = 0: a turn of at most 45°.
+    // Where τ² overflows, t becomes 0: the entry is so small then that no turn is needed.
     let t = tau.signum() / (tau.abs() + (1.0 + tau * tau).sqrt());
     let c = 1.0 / (1.0 + t * t).sqrt();
     let s = t * c;

@@ -90,6 +90,7 @@ impl JointAxis {
     pub fn turn(&self) -> Vec3 {
         match self.kind {
             JointKind::Hinge => self.axis,
+            // What slides does not turn.
             JointKind::Slide => [0.0; 3],
         }
     }
@@ -118,6 +119,7 @@ impl Model {
     /// The unit of all joints where a hinge has `unit`, for the head of a table or a comment: `rad (slides: m)` of a robot
     /// with both.
     pub fn units(&self, unit: &str) -> String {
+        // A unit without a partner, such as s, is the same for both kinds.
         let slide = JointKind::Slide.unit(unit);
         let hinges = self.joints.iter().any(|joint| joint.kind.is_hinge());
         match (self.has_slides() && slide != unit, hinges) {

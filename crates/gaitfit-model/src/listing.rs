@@ -185,6 +185,7 @@ fn kind(what: &str) -> String {
 
 /// `36 visual meshes`, or `4 × <transmission>` for what has no simple plural.
 fn plural(count: usize, kind: &str) -> String {
+    // An ending makes the plural of one or two plain words; a tag or an attribute stays as it is written.
     let words = kind.split(' ').count();
     if words > 2 || !kind.chars().all(|c| c.is_ascii_alphabetic() || c == ' ') {
         return format!("{count} × {kind}");

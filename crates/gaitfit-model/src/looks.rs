@@ -114,6 +114,7 @@ fn read(path: &Path, model: &Model) -> Looks {
     // Meshes of links that are left out would take triangles from the others.
     files.pool.keep(|mesh| places.iter().any(|place| place.mesh == mesh));
     let mut thin = files.pool.thinned(MAX_TRIANGLES);
+    // A mesh that is small beside the others may have lost all of its triangles.
     places.retain(|place| !thin[place.mesh].triangles.is_empty());
     let middles: Vec<Vec3> = thin.iter_mut().map(centred).collect();
     // Meshes without a place on a link are left out, so the others get new numbers.

@@ -113,6 +113,7 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
             let kilograms = shown_number(format!("{:.2e}", of_shapes.mass).parse().unwrap_or(of_shapes.mass));
             (of_shapes, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
         } else {
+            // Where nothing of the file has a mass there is no share to take: 1 kg will do.
             let mass = if total > 0.0 { DUMMY_SHARE * total } else { 1.0 };
             // A solid ball has 2/5 m r².
             let inertia = [0.4 * mass * DUMMY_RADIUS * DUMMY_RADIUS; 3];

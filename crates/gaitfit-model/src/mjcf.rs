@@ -67,6 +67,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     let mut bodies = reader.bodies;
     // Before the contacts, which may name it.
     add_floor(ctx, document, &defaults, &mut bodies, wanted);
+    // Where the file switches equality constraints off, no joint follows another.
     let named =
         if disabled.equality { Vec::new() } else { read_couplings(ctx, sections("equality"), &defaults)? };
     let couplings = resolve(ctx, named, &bodies)?;
@@ -162,6 +163,7 @@ fn read_actuators(
     defaults: &Defaults,
     spec: &mut Spec,
 ) -> Result<(), ModelError> {
+    // In the file's order: an actuator has its joint's number in it until the robot is chosen.
     let joints: Vec<&Joint> = spec.bodies.iter().flat_map(|b| b.joints.iter().map(|(j, _)| j)).collect();
     for element in &section.children {
         let kind = element.name.as_str();

@@ -38,6 +38,7 @@ impl Default for Compiler {
             units: AngleUnits::default(),
             autolimits: true,
             inertia_from_geom: InertiaFromGeom::Auto,
+            // MuJoCo's groups are 0 to 5, so by default every geom counts.
             inertia_groups: [0, 5],
             balance_inertia: false,
             bound_mass: 0.0,
@@ -67,6 +68,7 @@ impl Compiler {
     /// Reads one `<compiler>` element over the present values.
     pub fn read(&mut self, ctx: &mut Context, element: &Element) -> Result<(), ModelError> {
         let mut a = Attributes::new(element);
+        // The places in these lists of words are the values: `degree` is 1.
         if let Some(degree) = a.word(ctx, "angle", &["radian", "degree"])? {
             self.units.degree = degree == 1;
         }
@@ -179,6 +181,7 @@ pub(crate) fn read_option(
                 "only Euler and implicitfast are implemented; a lenient reading takes Euler",
                 "use integrator=\"implicitfast\" or \"Euler\"",
             )?;
+            // Only a reading that drops things comes here.
             options.integrator = Integrator::Euler;
         }
         None => {}

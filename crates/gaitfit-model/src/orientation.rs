@@ -8,6 +8,7 @@ use crate::rotation::{
 
 /// Pose of a child (`pos`, `quat` in the parent's frame) seen from where the parent's pose is given.
 pub(crate) fn compose(parent: (Vec3, Quat), child: (Vec3, Quat)) -> (Vec3, Quat) {
+    // Normalized each time: along a chain of bodies rounding would add up.
     (add(parent.0, rotate(parent.1, child.0)), normalize(product(parent.1, child.1)))
 }
 
@@ -73,6 +74,7 @@ pub(crate) fn read_orientation(
         "axisangle" => {
             if let Some([x, y, z, angle]) = attributes.array::<4>(ctx, name)? {
                 let axis = unit([x, y, z]).ok_or_else(short)?;
+                // The axis has no unit; only the fourth number is an angle.
                 *target = axis_angle(axis, units.radians(angle));
             }
         }

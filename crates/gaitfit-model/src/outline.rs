@@ -16,6 +16,8 @@ use crate::rotation::{IDENTITY, Quat, Vec3, add, normalize, rotate, rotate_back,
 use crate::shown::shown;
 use crate::xml::Element;
 
+// A package's robot file usually lies one or two folders below the package. Each folder more costs two look-ups for
+// every mesh.
 /// Max number of folders above a robot file in which a package is looked for.
 const MAX_FOLDERS: usize = 8;
 /// Max number of shapes that are kept.
@@ -90,6 +92,7 @@ impl Outline {
 
 /// Points on the surface of a shape, in its frame.
 fn surface(shape: &Shape) -> Vec<Vec3> {
+    // The chord between two of 24 points lies at most 0.9 % of the radius inside the circle.
     /// Number of points around, and from pole to pole.
     const AROUND: usize = 24;
     let ring = |radius: f64, z: f64| {

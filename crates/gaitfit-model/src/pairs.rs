@@ -38,6 +38,7 @@ pub(crate) fn read_contact(
     pairs: &mut Vec<PairSpec>,
 ) -> Result<(), ModelError> {
     for child in &element.children {
+        // Both lists count together, over all <contact> sections of the file.
         if excludes.len() + pairs.len() >= MAX_ITEMS {
             return Err(ctx.too_many(child.at, "contact pairs and excludes", MAX_ITEMS));
         }

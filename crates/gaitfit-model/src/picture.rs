@@ -6,6 +6,7 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 
+// The largest height field in four channels of 16 bits is 8 MiB before compression.
 /// Largest file, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 
@@ -22,6 +23,7 @@ pub(crate) fn read(path: &Path, max: usize) -> Result<(usize, usize, Vec<f32>), 
     let file = BufReader::new(File::open(path).map_err(|error| error.to_string())?);
     // Four channels of two bytes a point, and as much for the decoder itself.
     let mut decoder = Decoder::new_with_limits(file, Limits { bytes: 16 * max + (1 << 20) });
+    // Palettes become colours, fewer bits become 8, and of 16 bits the lower ones go.
     decoder.set_transformations(Transformations::EXPAND | Transformations::STRIP_16);
     let wrong = |error: png::DecodingError| format!("not a PNG picture that can be read: {error}");
     let mut reader = decoder.read_info().map_err(wrong)?;

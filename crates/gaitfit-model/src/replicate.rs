@@ -137,6 +137,7 @@ impl Expander<'_, '_> {
         a.set_array(self.ctx, "offset", &mut offset)?;
         a.set_array(self.ctx, "euler", &mut turn)?;
         a.finish(self.ctx)?;
+        // MuJoCo fills with as many digits as the count itself has: 10 copies end in 00 to 09.
         let digits = count.to_string().len();
         let after = outer.map(|copy| self.copies[copy].suffix.clone()).unwrap_or_default();
         let mut pose = ([0.0; 3], IDENTITY);
@@ -196,12 +197,14 @@ impl Expander<'_, '_> {
                 kept.push(renamed);
             }
         }
+        // Copies stand behind the elements that refer to nothing copied, as in MuJoCo.
         section.children = kept;
         Ok(())
     }
 }
 
 fn attribute(name: &str, values: &[f64], at: At) -> Attribute {
+    // `to_string` writes every digit that is needed, so reading gives the same number again.
     let words: Vec<String> = values.iter().map(f64::to_string).collect();
     Attribute { name: name.to_string(), value: words.join(" "), at }
 }

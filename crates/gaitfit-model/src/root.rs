@@ -28,6 +28,7 @@ pub(crate) fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robo
     let mut best: Option<(usize, usize)> = None;
     let mut moving = Vec::new();
     for (index, body) in spec.bodies.iter().enumerate().skip(1).filter(|(_, b)| b.parent == 0) {
+        // Bodies below this one have larger numbers, so the search begins with it.
         let joints: usize = (index..spec.bodies.len())
             .filter(|&b| is_below(spec, b, index))
             .map(|b| spec.bodies[b].joints.len())

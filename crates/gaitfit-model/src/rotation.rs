@@ -136,6 +136,7 @@ pub fn normalize(q: Quat) -> Quat {
 pub fn rotate<T: Scalar>(q: Quat<T>, v: Vec3<T>) -> Vec3<T> {
     let two = T::from(2.0);
     let u = [q[1], q[2], q[3]];
+    // v + 2 w (u × v) + 2 u × (u × v): fewer products than with the matrix.
     let t = cross(u, v).map(|x| two * x);
     let w = cross(u, t);
     std::array::from_fn(|k| v[k] + q[0] * t[k] + w[k])
@@ -213,6 +214,7 @@ pub fn blend(a: Quat, b: Quat, fraction: f64) -> Quat {
     // q and −q are the same rotation: the sign chooses the nearer one.
     let sign = if dot < 0.0 { -1.0 } else { 1.0 };
     let mixed: Quat = std::array::from_fn(|k| a[k] + fraction * (sign * b[k] - a[k]));
+    // A straight line between unit quaternions passes inside of the sphere.
     let norm = mixed.iter().map(|value| value * value).sum::<f64>().sqrt();
     mixed.map(|value| value / norm)
 }

@@ -5,12 +5,14 @@
 //! attributes, comments and such begin and end. Where a text is not well formed it stops, and the parser, which stops at
 //! the same place, says why.
 
+// The parser compares every two attributes of a tag: 100 of them are 4950 comparisons.
 /// Max number of attributes of one tag, namespaces included.
 pub(crate) const MAX_ATTRIBUTES: usize = 100;
 /// Max number of namespaces declared in one file.
 pub(crate) const MAX_NAMESPACES: usize = 128;
 /// Max number of bytes of the name of a tag or an attribute.
 pub(crate) const MAX_NAME: usize = 256;
+// Readers call themselves once a level, so the depth must fit the stack.
 /// Max depth of elements inside each other.
 pub(crate) const MAX_DEPTH: usize = 100;
 /// Max number of tags (opening and closing), comments and such of all files together.

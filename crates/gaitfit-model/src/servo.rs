@@ -41,6 +41,7 @@ pub(crate) fn resolve_springs(model: &mut Model) {
     let factor = factored_mass_matrix(model);
     let first_joint = model.nv() - model.joints.len();
     for (index, joint) in model.joints.iter_mut().enumerate().filter(|(_, joint)| given(joint)) {
+        // The floors keep masses and time constants near 0 from a division by 0 (MuJoCo's `mjMINVAL`).
         let inertia = 1.0 / factor.inverse_diagonal(first_joint + index).max(1e-15);
         let (time, ratio) = (-joint.stiffness, -joint.damping);
         (joint.stiffness, joint.damping) =

@@ -128,10 +128,12 @@ pub(crate) const SOLIMP: [f64; 5] = [0.9, 0.95, 0.001, 0.5, 2.0];
 impl Default for Surface {
     fn default() -> Self {
         Self {
+            // One bit on both sides: by default every geom collides with every other one.
             contype: 1,
             conaffinity: 1,
             condim: 3,
             priority: 0,
+            // Sliding has no unit; spinning and rolling are lengths, m.
             friction: [1.0, 0.005, 0.0001],
             solmix: 1.0,
             solref: SOLREF,
@@ -199,6 +201,7 @@ pub(crate) fn default_joint() -> Joint {
         kind: JointKind::Hinge,
         body: 0,
         pos: [0.0; 3],
+        // MuJoCo's default. URDF's is x, which its reader sets.
         axis: [0.0, 0.0, 1.0],
         reference: 0.0,
         range: None,

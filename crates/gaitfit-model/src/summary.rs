@@ -139,6 +139,7 @@ impl Model {
     pub fn find_joint(&self, log_name: &str) -> Option<usize> {
         self.joint(log_name).or_else(|| {
             let wanted = plain(log_name);
+            // Only after the full name: a joint that is called so goes before one that differs by its suffix.
             let mut matches = (0..self.joints.len()).filter(|&j| plain(&self.joints[j].name) == wanted);
             // Two joints that differ only by the suffix are told apart by their full names alone.
             matches.next().filter(|_| matches.next().is_none())

@@ -71,6 +71,7 @@ impl Surface {
         // Walls have no height.
         let plain = |plane: &Plane| {
             let up = normal(plane)[2];
+            // A plane that faces down has no height either, and level ground at 0 needs no surface.
             up <= UPRIGHT || (up == 1.0 && plane.pos[2] == 0.0)
         };
         if model.obstacles.is_empty() && model.planes.iter().all(plain) {
@@ -81,6 +82,7 @@ impl Surface {
         for plane in &model.planes {
             let normal = normal(plane);
             if normal[2] > UPRIGHT {
+                // The plane n·(p − p₀) = 0, solved for the height.
                 let slopes = [-normal[0] / normal[2], -normal[1] / normal[2]];
                 let [x, y, z] = plane.pos;
                 surface.planes.push([z - slopes[0] * x - slopes[1] * y, slopes[0], slopes[1]]);

@@ -64,6 +64,7 @@ pub struct HeightField {
     pub heights: Vec<f64>,
 }
 
+// 1024 × 1024 vertices are 8 MiB of heights.
 /// Max number of vertices of a height field.
 const MAX_VERTICES: usize = 1 << 20;
 /// Max number of height fields of a file.
@@ -185,6 +186,7 @@ fn flipped(given: &[f64], columns: usize) -> Vec<f32> {
 
 /// Elevations brought to 0 ... 1 as MuJoCo does, in its precision, times the height.
 fn scaled(data: &[f32], height: f64) -> Vec<f64> {
+    // The lowest vertex comes to 0 and the highest one to `height`, unless the field is level.
     let low = data.iter().copied().fold(f32::INFINITY, f32::min);
     let range = data.iter().copied().fold(f32::NEG_INFINITY, f32::max) - low;
     // A level field would be divided by 0.

@@ -96,6 +96,7 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
             };
             [end(-1.0), end(1.0)].concat()
         }
+        // A capsule inside of the cylinder reaches as far along the axis and to its sides; only the rims are round.
         Shape::Cylinder { radius, half_length } if radius <= max.min(half_length) => vec![Part {
             shape: Shape::Capsule { radius, half_length: half_length - radius },
             position: [0.0; 3],

@@ -32,6 +32,7 @@ impl Model {
             for line in comments {
                 // Two hyphens would end the comment. The second pass takes those that the first leaves of longer rows.
                 let line = line.replace("--", "- -").replace("--", "- -");
+                // Writing to a text cannot fail, so results are passed over here and below.
                 let _ = writeln!(text, "  {line}");
             }
             text.push_str("-->\n");
@@ -127,6 +128,7 @@ impl Model {
 
     /// Bodies stand depth first: each closes when the next is no descendant of it.
     fn write_bodies(&self, text: &mut String) {
+        // Bodies that are begun and not yet closed, from the root down.
         let mut open: Vec<usize> = Vec::new();
         let close = |text: &mut String, depth: usize| {
             let _ = writeln!(text, "{}</body>", "  ".repeat(depth + 2));
@@ -196,6 +198,7 @@ impl Model {
         attribute(&mut line, "friction", &pair.friction);
         attribute(&mut line, "solref", &pair.solref);
         attribute(&mut line, "solimp", &pair.solimp);
+        // Zeros say the same as no attribute: friction has the contact's `solref`.
         if pair.solreffriction != [0.0; 2] {
             attribute(&mut line, "solreffriction", &pair.solreffriction);
         }

@@ -14,6 +14,7 @@ use crate::error::{ModelError, Place};
 use crate::scan::{self, MAX_NODES};
 use crate::shown::{escaped, shown, shown_path};
 
+// Places hold bytes as `u32`, so this must stay below 4 GiB.
 /// Max number of bytes of all files together.
 const MAX_BYTES: usize = 16 << 20;
 /// Max number of files joined by `<include>`.
@@ -346,6 +347,7 @@ fn xacro(document: &Document) -> Option<usize> {
             || node.attributes().any(|attribute| is_xacro(attribute.namespace()))
     });
     let declared = root.namespaces().any(|namespace| is_xacro(Some(namespace.uri())));
+    // `${` marks a template only where xacro is declared: any other text may hold it too.
     let filled = |node: &Node| node.attributes().any(|attribute| attribute.value().contains("${"));
     let template = || document.descendants().find(|node| declared && node.is_element() && filled(node));
     used.or_else(template).map(|node| node.range().start)

@@ -34,6 +34,7 @@ const COSINE_SINE: [(f64, f64); 8] = {
 #[inline(always)]
 pub(crate) fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
+    // The lower 52 bits are the fraction. An exponent of 1023 stands for 2⁰, so this lies in [1, 2).
     let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
     // Arithmetic instead of a branch that half of all draws would mispredict: one less in the exponent halves.
     let upper = u64::from(mantissa >= SQRT_2);
@@ -42,6 +43,7 @@ pub(crate) fn ln(x: f64) -> f64 {
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let s2 = s * s;
     let mut series = 0.0;
+    // Horner's scheme in s², from the highest power down.
     for coefficient in ARTANH.iter().rev() {
         series = series * s2 + coefficient;
     }
@@ -55,10 +57,12 @@ pub(crate) fn ln(x: f64) -> f64 {
 #[inline(always)]
 pub(crate) fn cos_sin_turns(t: f64) -> (f64, f64) {
     // Adding a half and cutting off rounds to the nearest quarter.
+    // From t = 7/8 on it is 4, a whole turn, which acts below as 0 does.
     let quarter = (4.0 * t + 0.5) as u32;
     let angle = TAU * (t - 0.25 * f64::from(quarter));
     let square = angle * angle;
     let (mut cosine, mut sine) = (1.0, 1.0);
+    // From the last term inwards: each step is 1 less a ratio times all that follows it.
     for (even, odd) in COSINE_SINE.iter().rev() {
         cosine = 1.0 - cosine * (square * even);
         sine = 1.0 - sine * (square * odd);

@@ -24,8 +24,10 @@ kernels! {
                     let stream = stream.environment(first.wrapping_add(lane as u32));
                     [even[lane], odd[lane]] = stream.normal_pair(column as u32 / 2);
                 }
+                // Of the last block fewer rows may be left than lanes: those beyond are drawn and not written.
                 for (lane, row) in rows.chunks_mut(width).enumerate() {
                     row[column] = even[lane];
+                    // An odd width leaves the second normal of the last pair unused.
                     if let Some(next) = row.get_mut(column + 1) {
                         *next = odd[lane];
                     }
@@ -50,6 +52,7 @@ kernels! {
                         words[lane] = word;
                     }
                 }
+                // As above, lanes beyond the last row are not written.
                 for (lane, row) in rows.chunks_mut(blocks.len()).enumerate() {
                     row[column] = [words[0][lane], words[1][lane], words[2][lane], words[3][lane]];
                 }

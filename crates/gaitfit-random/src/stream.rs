@@ -94,6 +94,7 @@ impl Stream {
     #[inline]
     pub fn uniform_f32(self, draw: u32) -> f32 {
         const SCALE: f32 = 1.0 / (1 << 24) as f32;
+        // 24 bits are the precision of `f32`: each value is exact, and 1 is never reached.
         (self.word(draw) >> 8) as f32 * SCALE
     }
 
@@ -120,6 +121,7 @@ impl Stream {
         for value in &mut *head {
             *value = self.normal(first);
         }
+        // Whole pairs begin with the next even draw.
         let mut block = first.div_ceil(2);
         for pair in rest.chunks_mut(2) {
             let values = self.normal_pair(block);

@@ -68,6 +68,7 @@ impl Batch {
     pub fn new(model: &Model, options: BatchOptions) -> Result<Self, SimError> {
         let refuse = |option, value: String, must| Err(SimError::Option { option, value, must });
         if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
+            // The texts repeat `MAX_SUBSTEPS` and `MAX_SECONDS`.
             return refuse("substeps", options.substeps.to_string(), "from 1 to 1000");
         }
         // Written with `!`, so that NaN is refused too.
@@ -92,6 +93,7 @@ impl Batch {
             ..plain
         };
         let tree = compile::<f32>(model, &settings)?;
+        // One entry a compiled pair: forces and places are reported pair by pair.
         let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
         let mut tracked = Vec::with_capacity(options.tracked.len());
         for name in &options.tracked {

@@ -201,6 +201,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     }
     let environments = blocks * T::LANES;
     Ok(PhysicsSpeed {
+        // Times ascend: the middle one is the median, and the first one is the best.
         substeps_per_second: steps / times[times.len() / 2],
         best_substeps_per_second: steps / times[0],
         threads: bench.threads,
@@ -240,6 +241,7 @@ pub fn trot(pose: &[f64], period: usize) -> Vec<f64> {
 fn lift(j: usize, phase: f64) -> f64 {
     // Legs are in the order front left, front right, rear left, rear right: 0 and 3 are a diagonal.
     let diagonal = matches!(j / 3 % 4, 0 | 3);
+    // While its phase is negative a pair stands, and the other one lifts.
     let up = if diagonal { phase } else { -phase }.max(0.0);
     match j % 3 {
         // The calf turns back by twice the thigh's angle: a leg with links of equal length lifts its foot

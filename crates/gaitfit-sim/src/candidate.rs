@@ -44,6 +44,7 @@ impl JointNetworks {
         let count = self.joints.len();
         if self.weights.len() != count * NETWORK_WEIGHTS || self.rest.len() != count {
             let value = format!("{} weights and {} rest angles", self.weights.len(), self.rest.len());
+            // 97 is `NETWORK_WEIGHTS`.
             return refuse(value, "97 weights and a rest angle for every joint");
         }
         if self.weights.iter().chain(&self.rest).any(|x| !x.is_finite()) {

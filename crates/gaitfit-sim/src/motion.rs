@@ -47,6 +47,7 @@ impl Motion {
             base_angular: rows(3),
             joint_position: rows(joints),
             joint_velocity: rows(joints),
+            // Engines make room for these two only where sensors filter or are late.
             filtered_velocity: Vec::new(),
             late_imu: None,
             joint_acceleration: rows(joints),
@@ -67,6 +68,7 @@ impl Motion {
     /// # Panics
     /// If there is no such environment: an error of the caller.
     pub fn imu_reading(&self, index: usize) -> ([f32; 4], [f32; 3]) {
+        // A unit that is not late reads the present.
         let Some(readings) = &self.late_imu else {
             return (quat_of(&self.base_quaternion[4 * index..]), vec_of(&self.base_angular[3 * index..]));
         };
@@ -105,6 +107,7 @@ impl Start {
             base_angular: self.base_angular,
             qpos: self.joint_position.clone(),
             qvel: self.joint_velocity.clone(),
+            // The solver starts from these; a robot that is placed has no step behind it.
             base_acceleration: [[0.0; 3]; 2],
             qacc: vec![0.0; self.joint_position.len()],
         }

@@ -92,6 +92,7 @@ impl Replay {
     /// [`SimError::Recording`] names the recording and what is wrong with it.
     pub fn new(model: &Model, recordings: Vec<Recording>, options: ReplayOptions) -> Result<Self, SimError> {
         if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
+            // The texts repeat `MAX_SUBSTEPS` and `MAX_DELAY`.
             let value = options.substeps.to_string();
             return Err(SimError::Option { option: "substeps", value, must: "from 1 to 1000" });
         }
@@ -168,6 +169,7 @@ fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
     if joints == 0 || !recording.target.len().is_multiple_of(joints) {
         return Err(format!("{} target values are not rows of {joints} joints", recording.target.len()));
     }
+    // Row 0 is the initial state, which matches in any case.
     if samples < 2 {
         return Err("fewer than two samples; nothing can be compared".to_owned());
     }
@@ -188,6 +190,7 @@ fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
     if !(recording.dt.is_finite() && recording.dt > 0.0) {
         return Err(format!("sample period {} s is not positive", recording.dt));
     }
+    // All recordings run with the first one's period, so a larger difference would shift their times.
     if (recording.dt / dt - 1.0).abs() > 0.01 {
         return Err(format!(
             "sample period {} s differs from the first recording's {dt} s; resample the log",

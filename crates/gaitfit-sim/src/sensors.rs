@@ -84,6 +84,7 @@ impl Imu {
     /// All of it for kernels, [`IMU_NUMBERS`] numbers: 1, `turn`, the three `axes`, `bias`. A robot whose unit has no
     /// errors has 0 there first.
     pub fn numbers(imu: Option<&Self>) -> [f32; IMU_NUMBERS] {
+        // 1 + 4 + 9 + 3 numbers; without errors all of them stay 0.
         let mut numbers = [0.0; IMU_NUMBERS];
         if let Some(Self { turn, axes, bias }) = imu {
             let errors = turn.iter().chain(axes.iter().flatten()).chain(bias);

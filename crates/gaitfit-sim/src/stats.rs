@@ -21,6 +21,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
 
 /// Σ (x − x̄)² over the values; 0 of nothing.
 pub fn squares(values: &[f64]) -> f64 {
+    // In two passes: the mean square less the squared mean would lose digits where the mean is large.
     let mean = mean(values).unwrap_or(0.0);
     values.iter().map(|value| (value - mean) * (value - mean)).sum()
 }
@@ -80,6 +81,7 @@ impl Estimate {
             return None;
         }
         let (n, p) = (count as f64, hits as f64 / count as f64);
+        // Wilson's interval is not centred on the plain share; its half width is given all the same.
         let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
         Some(Self { mean: p, ci95: Some(half) })
     }

@@ -135,6 +135,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                         return Err(ContentError::Triangles);
                     }
                     // A fan of triangles from the first corner, which is right for convex faces.
+                    // A face of fewer than three corners gives no triangle.
                     for pair in face.get(1..).unwrap_or_default().windows(2) {
                         self.triangles.push(super::indexed(&points, [face[0], pair[0], pair[1]])?);
                     }
@@ -193,6 +194,7 @@ impl<'a, 'input> Reader<'a, 'input> {
     fn local(&mut self, node: Node) -> Result<Transform, ContentError> {
         let values: Vec<f64> = self.numbers(node)?;
         Ok(match (node.tag_name().name(), &values[..]) {
+            // Row by row. The last row of an affine transform is always 0 0 0 1 and is not kept.
             ("matrix", [.., _, _, _, _]) if values.len() == 16 => {
                 std::array::from_fn(|row| std::array::from_fn(|column| values[4 * row + column]))
             }

@@ -7,6 +7,7 @@ use std::collections::BinaryHeap;
 use super::thin::Pool;
 use crate::rotation::{Vec3, add, cross, dot, sub, unit};
 
+// Without this weight a flat open surface could shrink from its border at almost no cost.
 /// Weight of the borders of open surfaces beside their faces.
 const BORDER: f64 = 3.0;
 /// Share of a collapse's cost that is its edge's length: on a plane short edges go first.
@@ -69,6 +70,7 @@ impl Quadric {
         let point = if near { solved } else { middle };
         let error: f64 =
             (0..3).map(|k| point[k] * dot(self.a[k], point)).sum::<f64>() + 2.0 * dot(self.b, point) + self.c;
+        // Rounding may bring the squared distance of a point that lies on all its planes below 0.
         (point, error.max(0.0) + SHORT * trace * length)
     }
 }
@@ -144,6 +146,7 @@ impl<'a> Work<'a> {
         for (number, triangle) in pool.triangles.iter().enumerate() {
             let across = across(triangle.map(|corner| pool.vertices[corner as usize]));
             let area = dot(across, across).sqrt() / 2.0;
+            // A face without area has no normal; its quadric has the weight 0 in any case.
             let normal = unit(across).unwrap_or_default();
             // Weighted by area, so that a finer triangulation of the same surface weighs no more.
             let plane = Quadric::of_plane(normal, pool.vertices[triangle[0] as usize], area);
@@ -156,6 +159,7 @@ impl<'a> Work<'a> {
                 sides.push((ends, number));
             }
         }
+        // Sorted, all faces of one edge stand next to each other.
         sides.sort_unstable();
         for same in sides.chunk_by(|(one, _), (other, _)| one == other) {
             // An edge of one face is a border. A plane through it, square to the face, keeps it in place.
@@ -164,6 +168,7 @@ impl<'a> Work<'a> {
             let along = sub(points[1], points[0]);
             let normal = across(pool.triangles[face].map(|corner| pool.vertices[corner as usize]));
             let Some(side) = unit(cross(along, normal)) else { continue };
+            // The edge's squared length is an area, as the weights of faces are.
             let border = Quadric::of_plane(side, points[0], BORDER * dot(along, along));
             for end in ends {
                 quadrics[end as usize] = quadrics[end as usize].plus(border);
@@ -197,6 +202,7 @@ impl<'a> Work<'a> {
         let stays = |end: u32, other: u32| {
             self.faces[end as usize].iter().all(|&face| {
                 let triangle = self.pool.triangles[face as usize];
+                // A face with both ends of the edge vanishes with it, so its direction does not matter.
                 if triangle.contains(&other) {
                     return true;
                 }
@@ -216,6 +222,7 @@ impl<'a> Work<'a> {
 
     /// Makes the ends of an edge one vertex; returns how many triangles that removes.
     fn join(&mut self, edge: &Edge) -> usize {
+        // The first end keeps its number, and faces of the other one are renamed.
         let [kept, gone] = edge.ends.map(|end| end as usize);
         self.pool.vertices[kept] = edge.point;
         self.quadrics[kept] = self.quadrics[kept].plus(self.quadrics[gone]);

@@ -64,12 +64,14 @@ impl Measure {
             (moments[2] > 0.0).then_some(Self { volume, centre, axes, moments })
         };
         if volume > THIN * whole {
+            // Moments about the middle of the box become those about the centre of mass (parallel-axis theorem).
             let offset = first.map(|x| x / volume);
             for (sum, (i, j)) in second.iter_mut().zip(PLACES) {
                 *sum -= volume * offset[i] * offset[j];
             }
             let [xx, yy, zz, xy, xz, yz] = second;
             let centre = std::array::from_fn(|k| middle[k] + offset[k]);
+            // The tensor of a surface with holes may have a moment of 0 or less: the box counts then too.
             if let Some(found) = solid(volume, centre, [yy + zz, xx + zz, xx + yy, -xy, -xz, -yz]) {
                 return Some(found);
             }

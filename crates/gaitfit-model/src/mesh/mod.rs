@@ -22,6 +22,7 @@ pub use measure::Measure;
 pub(crate) use thin::Pool;
 pub use thin::ThinMesh;
 
+// A binary STL of `MAX_TRIANGLES` triangles has 25 MiB.
 /// Max size of a mesh file, bytes.
 const MAX_BYTES: u64 = 64 << 20;
 /// Max number of triangles that are kept of a file.
@@ -127,6 +128,7 @@ fn msh(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, ContentError> {
         return Err(ContentError::Msh);
     }
     let float = |word: &[u8; 4]| f64::from(f32::from_le_bytes(*word));
+    // The counts add up to the file's size, so these slices stay inside of it.
     let points: Vec<Vec3> = words[4..4 + 3 * vertices]
         .chunks_exact(3)
         .map(|point| [float(&point[0]), float(&point[1]), float(&point[2])])

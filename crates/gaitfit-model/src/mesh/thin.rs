@@ -10,15 +10,19 @@ use super::Mesh;
 use super::collapse::collapse;
 use crate::rotation::{Vec3, add};
 
+// 4096 cells are 0.1 mm each on a mesh of 0.4 m: no picture shows less.
 /// Cells along the diagonal of a mesh as it comes in.
 const CELLS: f64 = 4096.0;
 /// Before edges collapse: max number of cells along the largest mesh's diagonal, and of triangles. More would take too long.
 const FINE_CELLS: f64 = 1500.0;
 const MAX_FINE: usize = 60_000;
+// From a width of 0 the loop of `shrink` would multiply 0 for ever.
 /// The narrowest cell, m.
 const NARROWEST: f64 = 1e-9;
+// Near 1 `shrink` would go over the mesh many times. Much more would drop more triangles than needed.
 /// Smallest factor by which cells grow while too much is left.
 const WIDER: f64 = 1.4;
+// A closed surface has half as many vertices as triangles. Triangles that share no corners have three each.
 /// Max number of vertices per triangle that is kept, on average.
 const MAX_CORNERS: usize = 2;
 
@@ -69,6 +73,7 @@ impl Pool {
     /// Empties the meshes that are not to be kept.
     pub fn keep(&mut self, kept: impl Fn(usize) -> bool) {
         let kept: Vec<bool> = (0..self.meshes).map(kept).collect();
+        // A triangle's corners are of one mesh, so the first of them tells which.
         self.triangles.retain(|triangle| kept[self.mesh[triangle[0] as usize]]);
     }
 
@@ -79,6 +84,7 @@ impl Pool {
             // Some files have each triangle twice, once for either side.
             self.cluster(0.0);
         }
+        // The time that collapses take grows with the triangles; spare vertices cost next to nothing.
         self.shrink(MAX_FINE, usize::MAX);
         collapse(&mut self, max);
         // Collapses leave vertices without triangles, and triangles that are there twice.
@@ -153,6 +159,7 @@ fn diagonal<'a>(points: impl Iterator<Item = &'a Vec3>) -> f64 {
             (low[k], high[k]) = (low[k].min(point[k]), high[k].max(point[k]));
         }
     }
+    // Without points `low` is above `high`: the diagonal is 0.
     (0..3).map(|k| (high[k] - low[k]).max(0.0).powi(2)).sum::<f64>().sqrt()
 }
 

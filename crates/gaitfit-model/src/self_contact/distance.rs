@@ -14,6 +14,7 @@ impl SelfPair {
             |geom: &Geom| frames[geom.body].then(&Frame { position: geom.pos, quaternion: geom.quat });
         let [a, b] = [place(first), place(second)];
         match (first.shape, second.shape) {
+            // A box touches spheres only, and a pair's geoms are sorted by type: the sphere comes first.
             (Shape::Sphere { radius }, Shape::Box { half_size }) => {
                 from_box(rotate_back(b.quaternion, sub(a.position, b.position)), half_size) - radius
             }

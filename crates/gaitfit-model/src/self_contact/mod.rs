@@ -20,6 +20,7 @@ use crate::spec::{GeomKind, Spec, Surface};
 
 pub use error::SelfContactError;
 
+// Every physics step looks at each pair, so their number bounds the time of a step.
 /// Max number of pairs.
 const MAX_PAIRS: usize = 512;
 /// Max number of names in a list of a message.
@@ -147,6 +148,7 @@ impl Parts {
         let root = robot.iter().position(|member| *member).unwrap_or(0);
         let mut numbers = Vec::new();
         let mut parts = Vec::new();
+        // The body that carries a moving one; parts that are welded between the two do not count.
         let carrier = |weld: usize| welds[spec.bodies[weld].parent];
         for (body, geom) in numbered(spec) {
             let (shape, other) = match geom.kind {
@@ -181,6 +183,7 @@ impl Parts {
             });
         }
         let pairs = spec.pairs.iter().filter_map(|pair| {
+            // A geom that is not a part of the robot, such as the floor, has no number: its pairs are left out here.
             let [a, b] = pair.geoms.map(|geom| numbers.get(geom).copied().flatten());
             Some(([a?.min(b?), a?.max(b?)], pair.parameters.clone()))
         });
@@ -198,6 +201,7 @@ impl Parts {
     /// Whether MuJoCo's filter of bodies lets two parts touch.
     fn apart(&self, a: usize, b: usize) -> bool {
         let (first, second) = (&self.parts[a], &self.parts[b]);
+        // As in MuJoCo the world is no neighbour: what hangs on it may touch what is fixed to it.
         let carried = first.weld != 0
             && second.weld != 0
             && (first.parent == second.weld || second.parent == first.weld);
@@ -211,6 +215,7 @@ impl Parts {
         if self.off {
             return pairs;
         }
+        // An explicit pair counts whatever the contact bits and filters say.
         pairs.extend(self.pairs.iter().map(|(parts, _)| *parts));
         for a in 0..self.parts.len() {
             for b in a + 1..self.parts.len() {
@@ -291,6 +296,7 @@ impl Parts {
         }
         // MuJoCo orders the geoms of a contact by type, which sets the sign of its normal.
         geoms.sort_by_key(order);
+        // An explicit pair has parameters of its own; other pairs mix those of their geoms.
         let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
         let contact = match explicit {
             Some((_, contact)) => contact.clone(),
@@ -367,6 +373,7 @@ impl Model {
         // An earlier choice is replaced.
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
+        // Which edge of a box faces the other part is decided once, with all joints at their references.
         let frames = rest_frames(self);
         let contacts: Vec<Result<Computed, String>> =
             wanted.into_iter().map(|[a, b]| parts.pair(a, b, &frames)).collect();

@@ -36,6 +36,7 @@ fn in_place_of(geom: &Geom, toward: Vec3) -> Option<Geom> {
     match geom.shape {
         Shape::Box { half_size } => {
             let mut axes = [0, 1, 2];
+            // The rod lies along the longest side and is as thick as the shortest one.
             axes.sort_by(|&a, &b| half_size[b].total_cmp(&half_size[a]));
             let [long, middle, thin] = axes;
             let radius = half_size[thin];

@@ -100,6 +100,7 @@ pub(super) fn read_joint(
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
         }
     };
+    // A continuous joint turns without end, whatever its <limit> says.
     if bounded && !unlimited {
         joint.range = Some(range(ctx, element, kind, limits)?);
     }
@@ -110,6 +111,7 @@ pub(super) fn read_joint(
         pos: pose.0,
         quat: pose.1,
         joint: moves.then_some(joint),
+        // A weld cannot follow another joint, so its <mimic> means nothing.
         follows: follows.filter(|_| moves),
         floats,
         unlimited,

@@ -160,6 +160,7 @@ fn read_collision(
             "origin" => pose = read_origin(ctx, child)?,
             "geometry" => {
                 for shape in &child.children {
+                    // A <geometry> should have one shape; of several the last one counts.
                     kind = read_shape(ctx, shape, link)?;
                 }
             }
@@ -192,6 +193,7 @@ fn read_shape(ctx: &mut Context, element: &Element, link: &Element) -> Result<Op
         }
     };
     let shape = match element.name.as_str() {
+        // URDF has full lengths and sizes, the model has halves.
         "sphere" => Shape::Sphere { radius: size(ctx, "radius")? },
         "cylinder" => {
             Shape::Cylinder { radius: size(ctx, "radius")?, half_length: size(ctx, "length")? / 2.0 }

@@ -69,6 +69,7 @@ pub(crate) fn read(
         }
     }
 
+    // Shapes of the links are read next, and their meshes lie in the folder that <compiler> names.
     ctx.mesh_folder = compiler.mesh_folder.clone();
     // Links come first, because joints name them.
     let mut links = Vec::new();
@@ -248,6 +249,7 @@ fn assemble(
         stack.extend(children[root].iter().rev().map(|&c| (c, 0)));
     } else if let Some(mut body) = bodyless[root].take() {
         if wanted != Some(Root::Fixed) {
+            // URDF has no element for a free joint: messages name the link instead.
             body.free = Some(body.at);
         }
         (body.pos, body.quat) = pose;

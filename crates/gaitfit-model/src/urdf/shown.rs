@@ -19,6 +19,7 @@ pub(super) fn show(
     colliding: bool,
 ) -> Result<(), ModelError> {
     let Some(folder) = ctx.sources.folder.clone().filter(|_| ctx.mend) else { return Ok(()) };
+    // Each link has an equal share of the limit, so all links together keep it.
     if body.outlines.len() >= MAX_OUTLINES / MAX_BODIES {
         return Ok(());
     }

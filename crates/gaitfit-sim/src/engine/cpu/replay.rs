@@ -69,6 +69,7 @@ pub(super) fn params(replay: &Replay, candidates: &[Robot]) -> Result<Vec<Params
 pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
     let mut jobs: Vec<(usize, usize)> =
         (0..replay.recordings.len()).flat_map(|r| (0..count).map(move |c| (c, r))).collect();
+    // The longest come first, so that no thread begins a long block when the others are done.
     jobs.sort_by_key(|&(_, r)| std::cmp::Reverse(replay.recordings[r].target.len()));
     jobs
 }
@@ -158,6 +159,7 @@ impl<T: Lanes> Block<T> {
         // included.
         self.state = State::new(&replay.tree);
         for j in 0..n {
+            // The encoder shows the true angle plus its bias.
             let start = |lane: &Lane| recordings[lane.recording].q0[j] - lane.params.joints[j].encoder_bias;
             self.state.qpos[j] = gather(&start);
             self.state.qvel[j] = gather(&|lane| recordings[lane.recording].dq0[j]);
@@ -246,6 +248,7 @@ impl Recorder {
             let length = replay.recordings[lane.recording].target.len() / n;
             self.lengths.push(length);
             self.biases.extend(lane.params.joints.iter().map(|joint| joint.encoder_bias as f32));
+            // Numbers of the block before may stay: every sample of every lane is written before it is read.
             signals.position.resize(length * n, 0.0);
             signals.velocity.resize(length * n, 0.0);
         }

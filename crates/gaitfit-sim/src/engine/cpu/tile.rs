@@ -64,6 +64,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
                 tracked: vec![[T::zero(); 3]; shared.tracked.len()],
                 torque: vec![T::zero(); joints],
                 memory: vec![T::zero(); memory],
+                // No robot has got a target yet.
                 fresh: [true; WIDEST],
             }
         };
@@ -288,6 +289,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             }
             // It stays empty if there are no disturbances.
             self.disturbance.clear();
+            // Rows are `environments × joints` for each substep; the lanes of one block are taken out of each.
             for substep in disturbance.chunks_exact(joints * self.environments) {
                 for j in 0..joints {
                     let torque = self.gather(substep, first, joints, j);
@@ -300,6 +302,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             if !block.memory.is_empty() && block.fresh.contains(&true) {
                 settle(&self.shared.modifications, &block.params, &block.state, &mut self.settled);
             }
+            // `settle` computes all lanes at once. Only fresh ones take its numbers.
             for lane in 0..T::LANES {
                 if std::mem::take(&mut block.fresh[lane]) {
                     let mut values = [0.0; WIDEST];
@@ -340,6 +343,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             for (place, &pair) in block.tracked.iter_mut().zip(self.shared.tracked) {
                 let center = self.work.pair_center(tree, pair);
                 for k in 0..3 {
+                    // The step moved the base by h times its new velocity; taking that back gives the place before
+                    // the step.
                     let origin = h.fnma(block.state.base_linear[k], block.state.base_position[k]);
                     place[k] = origin + center[k];
                 }
@@ -423,6 +428,8 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         let mut lanes = saved.chunks_exact(T::LANES);
         let mut values = [0.0; WIDEST];
         for block in &mut self.blocks {
+            // `numbers` must stand first: `zip` asks it first, so that its end takes no row of `lanes`, which the
+            // flags need.
             for (number, saved) in block.numbers().zip(&mut lanes) {
                 values[..T::LANES].copy_from_slice(saved);
                 *number = T::load(&values);
