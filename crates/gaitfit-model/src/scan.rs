@@ -31,13 +31,21 @@ pub(crate) struct Excess {
 /// # Errors
 /// The first place at which a bound is passed.
 pub(crate) fn check(text: &str, depth: usize, nodes: &mut usize) -> Result<(), Excess> {
+    check_up_to(text, depth, nodes, MAX_NODES)
+}
+
+/// Does what [`check`] does, for up to `max` nodes.
+///
+/// # Errors
+/// As [`check`].
+pub(crate) fn check_up_to(text: &str, depth: usize, nodes: &mut usize, max: usize) -> Result<(), Excess> {
     let mut scan = Scan { bytes: text.as_bytes(), at: 0, depth, namespaces: 0 };
     while let Some(start) = scan.find(b"<") {
         *nodes += 1;
-        if *nodes > MAX_NODES {
+        if *nodes > max {
             return excess(
                 start,
-                format!("more than {MAX_NODES} XML nodes"),
+                format!("more than {max} XML nodes"),
                 "reduce the file to the robot's description",
             );
         }

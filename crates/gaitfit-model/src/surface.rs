@@ -5,7 +5,7 @@ use crate::rotation::{Vec3, rotate};
 use crate::shown::shown;
 use crate::terrain::ObstacleShape;
 
-/// Planes and fields whose normal leans further than this from the vertical, as a sine, have no heights.
+/// Planes whose normal rises by no more than this (walls), and fields whose normal leans by more than this sine, have no heights.
 const UPRIGHT: f64 = 1e-9;
 
 /// The highest ground above each point of the horizontal plane: of planes, boxes and height fields.

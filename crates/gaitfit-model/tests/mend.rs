@@ -267,6 +267,9 @@ fn scenes_that_name_themselves_are_refused() {
     assert!(mesh::parse("dae", itself.as_bytes()).unwrap_err().to_string().contains("nodes deeper than"));
     let many = scene(&format!("<node>{}</node>", "<instance_geometry url=\"#g\"/>".repeat(20_000)));
     assert!(mesh::parse("dae", many.as_bytes()).unwrap_err().to_string().contains("numbers and nodes"));
+    let attributes: String = (0..200).map(|k| format!(" a{k}=\"\"")).collect();
+    let wide = scene(&format!("<node{attributes}/>"));
+    assert!(mesh::parse("dae", wide.as_bytes()).unwrap_err().to_string().contains("attributes"));
     let one = scene("<node><instance_geometry url=\"#g\"/></node>");
     assert_eq!(mesh::parse("dae", one.as_bytes()).unwrap().triangles.len(), 1);
 }

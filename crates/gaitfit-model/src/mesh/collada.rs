@@ -9,6 +9,7 @@ use roxmltree::{Document, Node, ParsingOptions};
 
 use super::ContentError;
 use crate::rotation::Vec3;
+use crate::scan::check_up_to;
 
 /// Rows of an affine transform.
 type Transform = [[f64; 4]; 3];
@@ -17,6 +18,8 @@ const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.
 const MAX_NODES: u32 = 1 << 20;
 
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
+    // The parser compares every two attributes of a tag, so very many of them would take it hours.
+    check_up_to(text, 0, &mut 0, MAX_NODES as usize).map_err(|excess| ContentError::Tags(excess.message))?;
     // A document type could expand a small file to an enormous text.
     let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)?;

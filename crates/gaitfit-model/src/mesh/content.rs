@@ -55,6 +55,9 @@ pub enum ContentError {
     /// Collada nodes within nodes without an end.
     #[error("nodes deeper than {MAX_DEPTH}")]
     Depth,
+    /// A Collada file with too many attributes, namespaces, nodes, or too deep.
+    #[error("{0}")]
+    Tags(String),
     /// A Collada scene that is far larger than its file.
     #[error("more than {MAX_WORK} numbers and nodes; decimate it")]
     Work,
