@@ -100,6 +100,7 @@ fn collect_tile(
     let mut recorder = Recorder::new(subject, options, first, count);
     let actions = task.walker.joints.len();
     let mut row = Vec::with_capacity(sensed_width(actions));
+    // The starts were drawn as of step 0 (`Environment::new`). A number is never used twice, so periods begin with 1.
     for step in 1..=recorder.last() {
         for index in 0..count {
             if recorder.records(index, step) {

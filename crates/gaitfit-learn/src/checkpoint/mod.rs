@@ -171,6 +171,7 @@ impl Training<'_> {
         });
         // Collected first: a shape that does not fit its bytes must stop the writing.
         let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
+        // Only the place of the checksum is still blank in these bytes: `seal` computes it over the whole file.
         let mut bytes = serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)?;
         if !checksum::seal(&mut bytes, BEFORE) {
             return Err(damaged("its metadata has no place for the checksum"));

@@ -187,6 +187,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
         let kind = course.kind(cell);
         let direction = match kind {
             TerrainKind::Flat | TerrainKind::Rough => "",
+            // Robots start in the middle of a cell, which is the lowest place of a pit.
             _ if course.is_pit(cell) => "up",
             _ => "down",
         };

@@ -57,6 +57,7 @@ pub fn synthetic(
         normals(3, &mut samples.reward);
         // Step numbers keep the arrays' draws apart.
         normals(4, &mut samples.last_value);
+        // The rollout begins with new episodes, so nothing is remembered.
         [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
         // Copies: the samples keep the memories as they were before the first step, from which the update
         // starts again.

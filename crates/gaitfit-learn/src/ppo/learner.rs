@@ -142,6 +142,7 @@ impl Learner {
                 return Err(LearnerError::Width { what, expected, found });
             }
         }
+        // A fixed σ goes before the given one, which the file of a policy may bring along.
         if let Some(std) = settings.fixed_std {
             log_std.fill(std.ln() as f32);
         }

@@ -140,6 +140,7 @@ pub enum SamplesError {
 impl Samples {
     /// Room for a rollout, all zeros.
     pub fn new(steps: usize, environments: usize, widths: Widths) -> Self {
+        // `steps` is the slowest index: the rows of one step lie together, as the simulator writes them.
         let rows = steps * environments;
         let zeros = |width: usize| vec![0.0; rows * width];
         Self {

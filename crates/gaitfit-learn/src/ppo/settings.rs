@@ -126,6 +126,8 @@ impl Default for Settings {
             fixed_std: None,
             normalise_observations: false,
             normalise_advantage: true,
+            // From here to `minibatches`: the values of legged_gym (Rudin et al. 2022) and of rsl_rl, which it trains
+            // with, except the entropy bonus (0.01 there) and `critic_warmup`.
             gamma: 0.99,
             lambda: 0.95,
             clip: 0.2,

@@ -140,6 +140,7 @@ impl Learner {
                 }
             }
         }
+        // From here on nothing can fail.
         let mut targets: Vec<&mut [f32]> = vec![
             &mut self.actor.parameters,
             &mut self.critic.parameters,

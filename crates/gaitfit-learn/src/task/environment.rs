@@ -102,6 +102,7 @@ impl<'a> Environment<'a> {
         let robot_number = |environment: u32| environment as usize % candidates.len();
         let tile_candidates =
             || (first..first + count as u32).map(|number| &candidates[robot_number(number)]);
+        // Torque noise and the inertial unit belong to the candidate that a robot is varied around.
         let deviations = tile_candidates().map(|candidate| candidate.torque_noise).collect();
         let imus = tile_candidates().map(|candidate| candidate.sensors.imu()).collect();
         let joints = walker.joints.len();

@@ -36,6 +36,7 @@ impl<'a> SensorNoise<'a> {
     /// Adds to the present values of a term; terms come in the order of [`blocks`].
     pub(super) fn add(&mut self, quantity: Quantity, values: &mut [f32]) {
         let half = self.settings.half_range(quantity);
+        // `blocks` has left out such terms too, so no words are taken for them.
         if half <= 0.0 {
             return;
         }

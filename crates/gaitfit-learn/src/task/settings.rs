@@ -310,6 +310,7 @@ impl TaskSettings {
             angular_velocity: 0.0,
             ..self.start.clone()
         };
+        // Every evaluated robot gets a command to walk.
         calm.command.standing = 0.0;
         calm.terrain = None;
         calm

@@ -56,6 +56,7 @@ impl Task {
         check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;
+        // Gains are read for all joints: those that the policy does not move are held by them.
         let joints: Vec<usize> = (0..model.joints.len()).collect();
         let kp = policy.kp.of_joints(model, &joints, "policy.kp")?;
         let kd = policy.kd.of_joints(model, &joints, "policy.kd")?;

@@ -131,6 +131,7 @@ impl Course {
         let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
         let room = self.room();
         let [x, y] = self.middle(cell);
+        // Draw 0 of this stream is the one of the level.
         let off = |draw: u32| room * (2.0 * stream.uniform(draw) - 1.0);
         [x + off(1), y + off(2)]
     }
