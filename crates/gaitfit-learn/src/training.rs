@@ -308,6 +308,7 @@ impl<'a> Training<'a> {
                     Recurrent::random(&shape, seed, 3)
                 };
                 let memory = actor_memory.as_ref().map(like);
+                // Only the critic's shape comes from the settings: the actor is the policy's own.
                 let (_, mut shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
                 shape.inputs = memory.as_ref().map_or(widths.critic_observation, Recurrent::outputs);
                 (Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?, memory)

@@ -19,6 +19,7 @@ impl Policy {
             None => ("actor", self.actor.shape.inputs),
             Some(front) => (front.name(), front.inputs()),
         };
+        // The actor itself comes first: its widths are compared below.
         check_network("actor", &self.actor)?;
         self.check_width(seer, observed, "observation", &interface.observation)?;
         if let Some(front) = &self.front {
@@ -38,6 +39,7 @@ impl Policy {
             )));
         }
         finite("log_std", &self.log_std)?;
+        // All parts of a critic are optional, but none may stand without the critic itself.
         if let Some(critic) = &self.critic {
             check_network("critic", critic)?;
             let terms = &interface.critic_observation;
@@ -167,6 +169,7 @@ fn check_normaliser(name: &str, normaliser: Option<&Normaliser>, width: usize) -
             "{name} has {mean} means and {variance} variances, its network takes {width} numbers"
         )));
     }
+    // A variance of 0 is allowed: a constant is added before the root is divided by.
     let good = normaliser.mean.iter().all(|mean| mean.is_finite())
         && normaliser.variance.iter().all(|variance| variance.is_finite() && *variance >= 0.0)
         && normaliser.count.is_finite()

@@ -78,7 +78,9 @@ impl Policy {
         let function = Function { call, failed: Arc::default(), inputs, outputs: joints };
         let policy = Self {
             front: Some(Front::Function(function)),
+            // The function's actions pass through the identity unchanged.
             actor: Network::identity(joints)?,
+            // Nobody reads σ of a policy that cannot be trained, but `check` wants one number for each joint.
             log_std: vec![0.0; joints],
             critic: None,
             normaliser: None,

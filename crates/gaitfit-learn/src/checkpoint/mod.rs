@@ -218,6 +218,7 @@ impl Training<'_> {
         }
         let tensor = |name: &str| learner.iter().find(|(known, _)| known == name).map(|(_, v)| v.as_slice());
         self.learner.restore(tensor, &header.learner)?;
+        // Then the robots, tile by tile. Another split into tiles fails by a missing name or by a size.
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             let name = format!("tile.{tile}.steps");

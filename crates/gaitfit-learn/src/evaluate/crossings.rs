@@ -160,6 +160,7 @@ impl<'a> CrossingRecorder<'a> {
         {
             let (ended, [x, y]) = state(index);
             crossing.fell = matches!(ended, Ended::Fall | Ended::Diverged);
+            // The time stays that of the last step that counts, because the filter then skips the robot.
             crossing.seconds = f64::from(step) * self.dt;
             if ended == Ended::Diverged {
                 continue;
@@ -194,6 +195,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
         (kind, direction)
     };
     for column in 0..settings.columns {
+        // The kind belongs to the column and is the same on all levels.
         let kind = place(Cell { level: 0, column });
         if !kinds.contains(&kind) {
             kinds.push(kind);

@@ -152,6 +152,7 @@ impl DriftRecorder {
     pub fn all(task: &Task, robots: usize, speeds: Option<[f64; 3]>) -> Vec<Self> {
         let limits = &task.settings.command;
         let [x, y, yaw] = match speeds {
+            // Given speeds hold for both directions.
             Some(speeds) => speeds.map(|speed| [-speed, speed]),
             // Half of the range on either side: the two directions may have different limits.
             None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),

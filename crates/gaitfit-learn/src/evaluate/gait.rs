@@ -96,6 +96,7 @@ pub fn record_gait_on(
     };
     let mut clearance = Clearance::new(task);
     let mut step = 0;
+    // One command follows the other without a new start.
     for &(seconds, command) in commands {
         player.environment.hold_command(0, command.map(|x| x as f32));
         for _ in 0..(seconds / record.dt).round() as u32 {

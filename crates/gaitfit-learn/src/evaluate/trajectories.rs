@@ -159,6 +159,7 @@ impl Trials {
             // After the sums: the step of the fall itself still counts.
             trial.fell = ended == Ended::Fall;
         }
+        // Also for robots that have fallen: their rows are not read any more.
         self.last_action.take(action);
     }
 

@@ -103,6 +103,7 @@ impl Learner {
         memories: [Option<Recurrent>; 2],
         mut log_std: Vec<f32>,
     ) -> Result<Self, LearnerError> {
+        // First each part by itself, then how they fit together.
         settings.check()?;
         actor.check()?;
         critic.check()?;

@@ -164,6 +164,7 @@ impl SequenceWorker<f32> {
         let Self { input, begins, start, .. } = self;
         start.clear();
         begins.clear();
+        // One memory after the other, in the order in which the places stand side by side below.
         for place in places {
             let (_, _, memory) = of(&tiles[place.tile as usize]);
             memory.append_row(place.row as usize, start);

@@ -186,6 +186,7 @@ impl Settings {
             require((0.0..1e30).contains(&x), name, format!("{x:?}"), "give 0 or more, below 1e30")
         };
         let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
+        // Widths are bounded here, because `shapes` multiplies them without a check for overflow.
         for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
             require(
                 !hidden.contains(&0),
@@ -256,6 +257,7 @@ impl Settings {
             let value = format!("{hidden:?}, {count} parameters where a policy has at most {MAX_PARAMETERS}");
             Err(SettingsError { name, value, remedy: "make it narrower" })
         };
+        // Behind a memory a network sees the memory's output, which is as wide as each of its layers.
         let inputs = |observed: usize| self.memory.map_or(observed, |memory| memory.width);
         Ok((
             shape("actor_hidden", inputs(widths.observation), &self.actor_hidden, widths.action)?,

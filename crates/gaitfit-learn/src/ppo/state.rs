@@ -118,6 +118,7 @@ impl Learner {
         if !(rate > 0.0 && rate.is_finite()) {
             return Err(StateError::Number { name: "learning_rate".to_owned(), value: rate });
         }
+        // Both sides have statistics or neither has: the settings decide it.
         for (name, mine, theirs) in [
             ("normaliser", &self.normaliser, &scalars.normaliser),
             ("critic_normaliser", &self.critic_normaliser, &scalars.critic_normaliser),

@@ -29,6 +29,7 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
     // Joints that follow others start where their leaders put them.
     model.couple(&mut angles);
     Start {
+        // The feet stand on the ground, so the base gets no vertical velocity.
         base_linear: [
             either(3, settings.linear_velocity) as f32,
             either(4, settings.linear_velocity) as f32,

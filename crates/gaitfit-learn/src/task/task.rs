@@ -125,12 +125,14 @@ impl Task {
             start_pitch: settings.start.pitch,
             fall: settings.fall.clone(),
         };
+        // The ground replaces the file's planes before the model is compiled for the simulator.
         let (course, uneven) = match &settings.terrain {
             Some(terrain) => Some(on_terrain(model, settings, terrain)?).unzip(),
             None => (None, None),
         };
         let mut model = uneven.unwrap_or_else(|| model.clone());
         let mut remarks = Vec::new();
+        // Contacts between the robot's own parts count only where the settings ask for them.
         if !settings.self_contact.is_off() {
             (model, remarks) = model.touching_itself(&settings.self_contact)?;
         }
@@ -300,6 +302,7 @@ fn on_terrain(
         return refuse("terrain", what);
     }
     let (course, field) = Course::new(terrain)?;
+    // Only pairs with a plane: the field takes the planes' place.
     for pair in model.pairs.iter().filter(|pair| matches!(pair.ground, Ground::Plane(_))) {
         let geom = &model.geoms[pair.geom];
         // Settings name a foot by its geom or by its body.

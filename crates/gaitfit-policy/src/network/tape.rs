@@ -122,6 +122,7 @@ impl<T: Scalar> Tape<T> {
         }
         let [even, odd] = &mut self.derivatives;
         let (mut current, mut next) = (even, odd);
+        // From the last layer to the first, as in the formulas at the top of the file.
         for (index, layer) in layers.iter().enumerate().rev() {
             let size = rows * layer.outputs;
             let last = index + 1 == layers.len();
@@ -152,6 +153,7 @@ impl<T: Scalar> Tape<T> {
             if index == 0 {
                 break;
             }
+            // D Wᵀ, and times f′ below: the derivative by the sums of the layer before.
             let w = &weights.transposed[layer.weight.clone()];
             let w = Matrix::row_major(w, layer.outputs, layer.inputs);
             let size = rows * layer.inputs;

@@ -158,6 +158,7 @@ impl<'a> Correction<'a> {
             return None;
         }
         let mut state = course.shown(sample, self, place, linear);
+        // The list is empty where readings of joint velocities are not filtered.
         if !motion.filtered_velocity.is_empty() {
             let rows = index * course.joints()..(index + 1) * course.joints();
             let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
@@ -260,6 +261,7 @@ impl Worker {
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<bool, WalkerError> {
         let (batch, count) = (&walker.batch, courses.len());
+        // All robots of a tile are the job's robot, each under another course.
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let correction = Correction::new(&job.candidate, job.feet_trust);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
@@ -275,6 +277,7 @@ impl Worker {
             if sample.is_multiple_of(ASK) && cancel() {
                 return Ok(false);
             }
+            // The prediction is recorded before it is corrected.
             for (index, course) in courses.iter().enumerate().filter(|(_, course)| sample < course.samples())
             {
                 self.tracks[index].look(walker, &self.motion, index, correction.imu.as_ref(), sample);
