@@ -71,6 +71,7 @@ impl Growth {
 /// The smallest share of its greatest value that a tracking reward of a rollout came to.
 fn tracking(task: &Task, tally: &Tally) -> Option<f64> {
     let rewards = task.reward_weights().zip(&tally.terms);
+    // A negative weight would pay for not tracking, so its term does not count.
     let tracking = rewards.filter(|((name, weight), _)| TRACKING.contains(name) && *weight > 0.0);
     let shares = tracking
         // Steps that falls left over pay nothing. A policy that falls early cannot pass by tracking well for a

@@ -125,6 +125,7 @@ impl<'a> Runner<'a> {
         (*divergence, *terms_failed) = (None, false);
         recorder.begin();
         for t in 0..recorder.samples.steps {
+            // Numbers run on from rollout to rollout, so that no draw comes twice.
             let step = first_step + t as u32;
             let (observation, critic_observation) = recorder.observations();
             environment.observe(step, observation);

@@ -380,6 +380,8 @@ impl<'a> Training<'a> {
 
     /// Whether the policy has learnt anything: in the first `critic_warmup` iterations only the critic does.
     pub fn policy_trained(&self) -> bool {
+        // The iteration counts those that are done. Number `critic_warmup`, from 0, is the first that moves the
+        // policy.
         self.iteration > self.learner.settings().critic_warmup.unwrap_or(0)
     }
 
@@ -438,6 +440,7 @@ impl<'a> Training<'a> {
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
+        // The iteration is the update's number, from which its shuffles are drawn.
         let updated = self.learner.update(&mut samples, number, threads);
         // Before a failed update is reported: recorders need their room in any case.
         for (runner, samples) in self.runners.iter_mut().zip(samples) {

@@ -62,6 +62,7 @@ impl Policy {
         check_normaliser("normaliser", self.normaliser.as_ref(), observed)?;
         // The normaliser stands before the critic's memory, if there is one.
         let behind = self.critic_memory.as_ref().map(Recurrent::inputs);
+        // Without a critic there is no normaliser for it (checked above), so the 0 is not compared with anything.
         let critic_inputs = behind.or(self.critic.as_ref().map(|critic| critic.shape.inputs)).unwrap_or(0);
         check_normaliser("critic_normaliser", self.critic_normaliser.as_ref(), critic_inputs)
     }

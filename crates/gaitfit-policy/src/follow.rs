@@ -126,6 +126,7 @@ pub(crate) fn in_tiles<W: Default + Send, R: Sync>(
     threads: usize,
     run: impl Fn(&mut W, usize, usize, &[R]) -> Result<(), WalkerError> + Sync,
 ) -> Result<(), WalkerError> {
+    // Without runs there are no tiles and no work, so nothing is divided by this 0.
     let tiles = runs.len().div_ceil(TILE);
     // The error with the smallest number is kept, so that the message does not depend on the threads.
     let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);

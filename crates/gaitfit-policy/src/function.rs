@@ -80,7 +80,7 @@ impl Policy {
             front: Some(Front::Function(function)),
             // The function's actions pass through the identity unchanged.
             actor: Network::identity(joints)?,
-            // Nobody reads σ of a policy that cannot be trained, but `check` wants one number for each joint.
+            // A function has no σ, but `check` wants one number for each joint.
             log_std: vec![0.0; joints],
             critic: None,
             normaliser: None,

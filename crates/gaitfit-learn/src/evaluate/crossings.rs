@@ -204,6 +204,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
     let mut summaries = Vec::new();
     for (kind, direction) in kinds {
         for level in 0..settings.levels {
+            // Robots of all columns of this kind and direction, on this level.
             let here = || {
                 crossings
                     .iter()

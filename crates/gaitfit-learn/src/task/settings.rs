@@ -310,7 +310,7 @@ impl TaskSettings {
             angular_velocity: 0.0,
             ..self.start.clone()
         };
-        // Every evaluated robot gets a command to walk.
+        // Evaluations tell no share of the robots to stand.
         calm.command.standing = 0.0;
         calm.terrain = None;
         calm

@@ -100,6 +100,7 @@ impl Course {
 
     /// The robot's state by the sensors at sample `sample`, with the base's position `place` and velocity `linear`.
     fn shown(&self, sample: usize, correction: &Correction<'_>, place: [f32; 3], linear: [f32; 3]) -> Start {
+        // Encoders report the true angle plus their bias.
         let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
         let (base_quaternion, base_angular) = self.base(sample, correction.imu.as_ref());
         let reading = self.reading(sample);
@@ -233,6 +234,7 @@ pub fn robots(walker: &Walker, courses: &[Course], job: &Job) -> Result<Vec<Vec<
             }
         };
     };
+    // One tile holds all courses, however many there are.
     Worker::default().run(walker, &Feet::new(walker), job, courses, 0, &mut watch, &|| false)?;
     Ok(periods)
 }

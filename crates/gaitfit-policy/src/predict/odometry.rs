@@ -56,6 +56,7 @@ impl Feet {
                 Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Cylinder { radius, .. } => {
                     radius
                 }
+                // With the radius 0 a box counts by its centre.
                 Shape::Box { .. } => 0.0,
             };
             // Only a driven wheel rolls. A foot that is a cylinder on a joint with angle targets stands like

@@ -91,6 +91,7 @@ impl Course {
 
     /// x and y of the middle of a cell, m.
     pub fn middle(&self, cell: Cell) -> [f64; 2] {
+        // The cells lie evenly about the world's origin, as the height field does.
         let along = |number: usize, count: usize| self.size() * (number as f64 + 0.5 - 0.5 * count as f64);
         [along(cell.level, self.settings.levels), along(cell.column, self.settings.columns)]
     }
