@@ -140,6 +140,7 @@ impl<'a> Runner<'a> {
             }
             if let Some(first) = ended.iter().position(|&ended| ended == Ended::Diverged) {
                 let term = environment.broken_term(first).map(str::to_owned);
+                // Only the first divergence of a rollout is reported.
                 divergence.get_or_insert(Divergence { step: t, environment: first, term });
             }
             for (index, reward) in reward.iter().enumerate() {

@@ -214,6 +214,7 @@ impl Samples {
         for (array, values, steps, width) in arrays {
             let expected = steps * environments * width;
             let found = values.len();
+            // The size comes first, because the place of a bad number is computed from it.
             if found != expected {
                 return Err(SamplesError::Size { tile, array, steps, environments, expected, found });
             }

@@ -40,6 +40,7 @@ impl<'a> SensorNoise<'a> {
         if half <= 0.0 {
             return;
         }
+        // A block has four draws. The last block of a term may be used in part.
         let (drawn, rest) = self.words.split_at(values.len().div_ceil(4));
         for (chunk, words) in values.chunks_mut(4).zip(drawn) {
             for (value, word) in chunk.iter_mut().zip(words) {
