@@ -245,6 +245,7 @@ impl<'a> Environment<'a> {
         if !self.held_commands {
             self.command[index] = self.drawn(number, step);
         }
+        // Nothing of the old episode may show in what the new one observes and is paid for.
         self.last_action.begin(index);
         self.past.iter_mut().for_each(|past| past.begin(index));
         let feet = self.task.settings.feet.len();

@@ -306,6 +306,7 @@ impl RecurrentLayer {
         let mut of_output = product(&state.output, hidden, &self.weight_hh);
         // Copies, because the step writes over the state that it reads.
         let (output_before, cell_before) = (state.output.clone(), state.cell.clone());
+        // For a GRU both cells are empty slices, also where `along` has given it an array.
         let remembered = if cell == Cell::Lstm { rows * hidden } else { 0 };
         let step = Step {
             gates: &mut gates,

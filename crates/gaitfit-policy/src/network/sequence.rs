@@ -185,6 +185,7 @@ impl<T: Scalar> SequenceTape<T> {
                 carry(&mut layer.cell_before, &layer.cell, &cell_start, step, begins);
                 let range = |width: usize| step * robots * width..(step + 1) * robots * width;
                 let states = range(hidden);
+                // A GRU has no cells, so its slices are empty.
                 let cells = if shape.cell == Cell::Lstm { states.clone() } else { 0..0 };
                 let of_output = &mut layer.of_output[range(wide)];
                 let before = &layer.output_before[states.clone()];

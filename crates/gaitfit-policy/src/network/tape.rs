@@ -33,6 +33,7 @@ impl<T: Scalar> Tape<T> {
             derivatives: [AVec::new(0), AVec::new(0)],
             narrow: AVec::new(0),
         };
+        // Buffers only grow, because networks take turns in them.
         let grow = |buffer: &mut AVec<T>, width: usize| {
             buffer.resize(buffer.len().max(rows * width), T::ZERO);
         };
