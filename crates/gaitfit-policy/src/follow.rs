@@ -207,7 +207,7 @@ impl Worker {
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
                 if sample < script.commands.len() {
-                    // Before the reset: this row is where the stretch before has arrived.
+                    // The row comes before the reset: it is where the stretch before has arrived.
                     track.look(walker, &self.motion, index, imu.as_ref(), sample);
                     if resets {
                         place(&mut tile, index, &script.states[sample]);

@@ -73,7 +73,7 @@ impl Policy {
     /// # Errors
     /// An interface that contradicts itself or observes nothing.
     pub fn of_function(interface: Interface, call: Arc<Act>) -> Result<Self, PolicyError> {
-        // Before its widths are read from it.
+        // The interface is checked before its widths are read.
         interface.check()?;
         let (inputs, joints) = (interface.observation_width(), interface.joints.len());
         let function = Function { call, failed: Arc::default(), inputs, outputs: joints };

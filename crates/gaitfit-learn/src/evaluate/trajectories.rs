@@ -156,10 +156,10 @@ impl Trials {
                 .map(|(now, before)| (now - before) * (now - before))
                 .sum();
             trial.action_rate += f64::from((change / joints as f32).sqrt());
-            // After the sums: the step of the fall itself still counts.
+            // The sums are above this line, so the step of the fall itself still counts.
             trial.fell = ended == Ended::Fall;
         }
-        // Also for robots that have fallen: their rows are not read any more.
+        // Robots that have fallen are set too, but nobody reads their rows.
         self.last_action.take(action);
     }
 

@@ -106,7 +106,7 @@ pub fn time_updates(
 ) -> Result<Timing, BenchError> {
     // A fixed rate: the made-up samples are seen again and again, and an adaptive one would run away.
     let settings = Settings { schedule: super::Schedule::Fixed, learning_rate: 1e-4, ..settings.clone() };
-    // Fixed seeds, so that all timings are of the same networks and samples.
+    // Seeds are fixed, so that all timings are of the same networks and samples.
     let mut learner = Learner::new(settings, widths, 1)?;
     let mut samples = synthetic(&learner, tiles, environments, steps, 2);
     // Warms up: the first update allocates gradients and workers.

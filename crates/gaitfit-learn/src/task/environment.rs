@@ -295,7 +295,7 @@ impl<'a> Environment<'a> {
         if !self.held_commands {
             let period = task.command_steps();
             for index in 0..self.count() {
-                // Counted from the start of the episode, which has drawn the first command.
+                // Steps count from the start of the episode, which has drawn the first command.
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
                     // The observation that shows the new command belongs to the next step.

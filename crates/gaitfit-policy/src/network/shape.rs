@@ -103,7 +103,7 @@ impl Shape {
     pub fn check(&self) -> Result<(), ShapeError> {
         let hidden =
             self.hidden.iter().enumerate().map(|(i, &width)| (format!("hidden layer {}", i + 1), width));
-        // From front to back, so that the first empty layer is named.
+        // The order is from front to back, so that the first empty layer is named.
         let all = [("input".to_owned(), self.inputs)].into_iter().chain(hidden);
         for (name, width) in all.chain([("output".to_owned(), self.outputs)]) {
             if width == 0 {

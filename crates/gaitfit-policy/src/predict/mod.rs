@@ -268,7 +268,7 @@ impl Worker {
         let correction = Correction::new(&job.candidate, job.feet_trust);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
-        // Never fewer than before: tracks keep their memory from tile to tile.
+        // The list never shrinks: tracks keep their memory from tile to tile.
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (course, track)) in courses.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
