@@ -100,7 +100,9 @@ fn collect_tile(
     let mut recorder = Recorder::new(subject, options, first, count);
     let actions = task.walker.joints.len();
     let mut row = Vec::with_capacity(sensed_width(actions));
+    // The starts were drawn as of step 0 (`Environment::new`). A number is never used twice, so periods begin with 1.
     for step in 1..=recorder.last() {
+        // A row has the readings before the step, and the action and target that followed from them.
         for index in 0..count {
             if recorder.records(index, step) {
                 sensed(task, &player.environment, index, &mut row);
@@ -136,6 +138,7 @@ pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mu
     row.extend(joints.iter().map(|&joint| position[joint]));
     row.extend(joints.iter().map(|&joint| velocity[joint]));
     row.extend(environment.commands()[index]);
+    // A unit that is late reads an older state, and its errors come on top of that.
     let (attitude, rates) = motion.imu_reading(index);
     let imu = environment.imu(index);
     row.extend(&motion.base_position[range(&motion.base_position)]);

@@ -55,10 +55,12 @@ impl Growth {
         let level = self.level(task, iteration)?;
         let tracking = tracking(task, tally);
         let curriculum = task.settings.command.curriculum.as_ref()?;
+        // A curriculum by `iterations` has no `tracking`: its level follows from the iteration alone.
         if let (Some(tracking), Some(wanted)) = (tracking, curriculum.tracking) {
             // All robots have had commands of the present ranges.
             let renewed = f64::from(iteration + 1 - self.last) * steps as f64;
             if level < 1.0 && tracking > wanted && renewed >= f64::from(task.command_steps()) {
+                // `last` counts iterations that are done, and this one is among them.
                 *self = Self { steps: self.steps + 1, last: iteration + 1 };
             }
         }
@@ -69,8 +71,11 @@ impl Growth {
 /// The smallest share of its greatest value that a tracking reward of a rollout came to.
 fn tracking(task: &Task, tally: &Tally) -> Option<f64> {
     let rewards = task.reward_weights().zip(&tally.terms);
+    // A negative weight would pay for not tracking, so its term does not count.
     let tracking = rewards.filter(|((name, weight), _)| TRACKING.contains(name) && *weight > 0.0);
     let shares = tracking
+        // Steps that falls left over pay nothing. A policy that falls early cannot pass by tracking well for a
+        // moment.
         .map(|((_, weight), sum)| sum / f64::from(weight) / (tally.steps + tally.lost_steps).max(1.0));
     // The reward that lags decides: ranges of speed and of yaw rate grow together.
     shares.min_by(f64::total_cmp)

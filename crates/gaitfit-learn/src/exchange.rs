@@ -87,6 +87,7 @@ impl Training<'_> {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             fits &= runner.recorder.take_memories(&self.learner, runner.environment.count(), &mut rest);
         }
+        // Rows that are left after the last tile mean a training of more environments.
         if fits && rest.iter().all(|rest| rest.is_empty()) {
             return Ok(());
         }

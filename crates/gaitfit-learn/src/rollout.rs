@@ -125,6 +125,7 @@ impl<'a> Runner<'a> {
         (*divergence, *terms_failed) = (None, false);
         recorder.begin();
         for t in 0..recorder.samples.steps {
+            // Numbers run on from rollout to rollout, so that no draw comes twice.
             let step = first_step + t as u32;
             let (observation, critic_observation) = recorder.observations();
             environment.observe(step, observation);
@@ -139,6 +140,7 @@ impl<'a> Runner<'a> {
             }
             if let Some(first) = ended.iter().position(|&ended| ended == Ended::Diverged) {
                 let term = environment.broken_term(first).map(str::to_owned);
+                // Only the first divergence of a rollout is reported.
                 divergence.get_or_insert(Divergence { step: t, environment: first, term });
             }
             for (index, reward) in reward.iter().enumerate() {

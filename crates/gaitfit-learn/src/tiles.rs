@@ -20,6 +20,7 @@ pub(crate) fn in_tiles<T: Send>(
     // Relaxed is enough: the flag only saves work, and each result tells of its own failure.
     let one = |index: usize| {
         if failed.load(Ordering::Relaxed) {
+            // The caller never gets this empty result: the loop below returns the error.
             return Ok(Vec::new());
         }
         let first = index * tile;

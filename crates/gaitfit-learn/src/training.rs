@@ -83,6 +83,7 @@ impl TrainingSettings {
 
 impl Default for TrainingSettings {
     fn default() -> Self {
+        // 4096 robots and 24 steps are the values of legged_gym (Rudin et al. 2022).
         Self { environments: 4096, steps: 24, iterations: 400 }
     }
 }
@@ -307,6 +308,7 @@ impl<'a> Training<'a> {
                     Recurrent::random(&shape, seed, 3)
                 };
                 let memory = actor_memory.as_ref().map(like);
+                // Only the critic's shape comes from the settings: the actor is the policy's own.
                 let (_, mut shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
                 shape.inputs = memory.as_ref().map_or(widths.critic_observation, Recurrent::outputs);
                 (Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?, memory)
@@ -378,6 +380,8 @@ impl<'a> Training<'a> {
 
     /// Whether the policy has learnt anything: in the first `critic_warmup` iterations only the critic does.
     pub fn policy_trained(&self) -> bool {
+        // The iteration counts those that are done. Number `critic_warmup`, from 0, is the first that moves the
+        // policy.
         self.iteration > self.learner.settings().critic_warmup.unwrap_or(0)
     }
 
@@ -436,6 +440,7 @@ impl<'a> Training<'a> {
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
+        // The iteration is the update's number, from which its shuffles are drawn.
         let updated = self.learner.update(&mut samples, number, threads);
         // Before a failed update is reported: recorders need their room in any case.
         for (runner, samples) in self.runners.iter_mut().zip(samples) {

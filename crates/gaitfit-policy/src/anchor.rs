@@ -51,6 +51,7 @@ impl Reference {
             let size = axis.iter().map(|x| x * x).sum::<f64>().sqrt();
             // The file's axis need not have length 1; the model's has.
             let cosine = axis.iter().zip(hinge.axis).map(|(a, b)| a * b).sum::<f64>() / size;
+            // The opposite direction is refused too: it would turn the sign of the angle around.
             if cosine < ALONG {
                 return refuse(format!(
                     "turns `{}` about {axis:?}, and robot `{}` turns it about {:?}; write the robot's axis",

@@ -19,6 +19,7 @@ impl Policy {
             None => ("actor", self.actor.shape.inputs),
             Some(front) => (front.name(), front.inputs()),
         };
+        // The actor itself comes first: its widths are compared below.
         check_network("actor", &self.actor)?;
         self.check_width(seer, observed, "observation", &interface.observation)?;
         if let Some(front) = &self.front {
@@ -38,6 +39,7 @@ impl Policy {
             )));
         }
         finite("log_std", &self.log_std)?;
+        // All parts of a critic are optional, but none may stand without the critic itself.
         if let Some(critic) = &self.critic {
             check_network("critic", critic)?;
             let terms = &interface.critic_observation;
@@ -60,6 +62,7 @@ impl Policy {
         check_normaliser("normaliser", self.normaliser.as_ref(), observed)?;
         // The normaliser stands before the critic's memory, if there is one.
         let behind = self.critic_memory.as_ref().map(Recurrent::inputs);
+        // Without a critic there is no normaliser for it (checked above), so the 0 is not compared with anything.
         let critic_inputs = behind.or(self.critic.as_ref().map(|critic| critic.shape.inputs)).unwrap_or(0);
         check_normaliser("critic_normaliser", self.critic_normaliser.as_ref(), critic_inputs)
     }
@@ -167,6 +170,7 @@ fn check_normaliser(name: &str, normaliser: Option<&Normaliser>, width: usize) -
             "{name} has {mean} means and {variance} variances, its network takes {width} numbers"
         )));
     }
+    // A variance of 0 is allowed: a constant is added before the root is divided by.
     let good = normaliser.mean.iter().all(|mean| mean.is_finite())
         && normaliser.variance.iter().all(|variance| variance.is_finite() && *variance >= 0.0)
         && normaliser.count.is_finite()

@@ -107,6 +107,7 @@ pub fn follow(
     }
     in_tiles(jobs.len(), scripts, threads, |worker: &mut Worker, job, first, chunk| {
         let whole = worker.run(walker, policy, &jobs[job], chunk, first, cancel)?;
+        // The tracks of a tile that was cancelled are cut short, so none of them is given out.
         for (k, track) in worker.tracks.iter().enumerate().take(if whole { chunk.len() } else { 0 }) {
             consume(job, first + k, track);
         }
@@ -125,6 +126,7 @@ pub(crate) fn in_tiles<W: Default + Send, R: Sync>(
     threads: usize,
     run: impl Fn(&mut W, usize, usize, &[R]) -> Result<(), WalkerError> + Sync,
 ) -> Result<(), WalkerError> {
+    // Without runs there are no tiles and no work, so nothing is divided by this 0.
     let tiles = runs.len().div_ceil(TILE);
     // The error with the smallest number is kept, so that the message does not depend on the threads.
     let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
@@ -166,6 +168,7 @@ impl Worker {
     ) -> Result<bool, WalkerError> {
         let batch = &walker.batch;
         let (count, joints) = (scripts.len(), walker.joints.len());
+        // All scripts of a tile are runs of the same robot.
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         let imu = job.candidate.sensors.imu();
@@ -187,10 +190,12 @@ impl Worker {
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
+            // With resets every stretch begins in the logged state, the first one too. Seeds then choose no start.
             let logged = job.reset_every.and_then(|_| script.states.first());
             place(&mut tile, index, logged.unwrap_or_else(|| script.begins(job.seed)));
         }
         tile.observe(&mut self.motion);
+        // Scripts may differ in length, and the tile advances until the longest one is over.
         let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap_or(0);
         for sample in 0..longest {
             if sample.is_multiple_of(ASK) && cancel() {
@@ -202,6 +207,7 @@ impl Worker {
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
                 if sample < script.commands.len() {
+                    // The row comes before the reset: it is where the stretch before has arrived.
                     track.look(walker, &self.motion, index, imu.as_ref(), sample);
                     if resets {
                         place(&mut tile, index, &script.states[sample]);
@@ -215,6 +221,7 @@ impl Worker {
             if resets {
                 tile.observe(&mut self.motion);
             }
+            // One observation for each robot, and then one pass of the policy for all of them.
             for (index, row) in self.observation.chunks_exact_mut(width).enumerate() {
                 let commands = &scripts[index].commands;
                 walker.sense(&self.motion, index, imu.as_ref(), &mut sensed);
@@ -287,6 +294,7 @@ impl Script {
         for before in (sample + 1).saturating_sub(layout.frames())..sample {
             walker.sense_state(&self.states[before], sensed);
             sensed.command = self.commands[before];
+            // Before the first logged action the last action is 0, as at an episode's start.
             match before.checked_sub(1) {
                 Some(last) => {
                     let last = &self.actions[last * joints..(last + 1) * joints];
@@ -341,6 +349,7 @@ impl Track {
         self.base_rates.extend(imu.map_or(rates, |imu| imu.rates(rates)));
         // Numbers that are not finite fail every comparison, so a diverged robot is tested here.
         let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
+        // The state of sample 0 is the script's and not one that the simulation reached, so it counts as no fall.
         if self.fell_at.is_none() && sample > 0 && (lost || walker.fallen(motion, index)) {
             self.fell_at = Some(sample);
         }

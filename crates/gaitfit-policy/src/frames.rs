@@ -31,6 +31,7 @@ pub fn to_body<R: Real>(q: [R; 4], v: [R; 3]) -> [R; 3] {
 
 /// A world vector in the frame of the heading of a body of orientation `q` (wxyz, unit): forward, left, up.
 pub fn to_heading<R: Real>(q: [R; 4], v: [R; 3]) -> [R; 3] {
+    // The left axis is taken and not the forward one, which points straight up if a robot stands on its hind legs.
     let [_, left, _] = axes(q);
     let length = (left[0] * left[0] + left[1] * left[1]).sqrt();
     // The left axis points straight up or down if the robot lies exactly on its side: it has no heading then,

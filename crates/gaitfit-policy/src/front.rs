@@ -95,6 +95,8 @@ impl Front {
             Self::Graph(graph) => graph.act(rows, observation, memory, seen, scratch),
             Self::Encoder(Encoder { network, passed, latent }) => {
                 let (inputs, outputs) = (network.shape.inputs, network.shape.outputs);
+                // A buffer of its own: in `seen` the latent's rows are not one behind the other, passed numbers stand
+                // between.
                 let mut code = vec![0.0; rows * outputs];
                 network.forward(rows, observation, &mut code, scratch);
                 seen.clear();

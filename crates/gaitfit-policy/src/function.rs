@@ -73,12 +73,15 @@ impl Policy {
     /// # Errors
     /// An interface that contradicts itself or observes nothing.
     pub fn of_function(interface: Interface, call: Arc<Act>) -> Result<Self, PolicyError> {
+        // The interface is checked before its widths are read.
         interface.check()?;
         let (inputs, joints) = (interface.observation_width(), interface.joints.len());
         let function = Function { call, failed: Arc::default(), inputs, outputs: joints };
         let policy = Self {
             front: Some(Front::Function(function)),
+            // The function's actions pass through the identity unchanged.
             actor: Network::identity(joints)?,
+            // A function has no σ, but `check` wants one number for each joint.
             log_std: vec![0.0; joints],
             critic: None,
             normaliser: None,

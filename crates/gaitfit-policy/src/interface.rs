@@ -170,6 +170,7 @@ impl Interface {
             positive("action_clip", Some(clip))?;
         }
         self.check_held()?;
+        // The motion is checked before the terms that read it.
         if let Some(reference) = &self.reference {
             reference.check(&self.joints)?;
         }
@@ -290,6 +291,7 @@ impl Interface {
                 )));
             }
         }
+        // Widths and histories may come from a file: the sum saturates and does not wrap.
         let numbers = width(terms, self.joints.len());
         if numbers > MAX_NUMBERS {
             return Err(InterfaceError(format!("{name} has {numbers} numbers; at most {MAX_NUMBERS}")));
@@ -396,6 +398,7 @@ fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
 
 /// Advice for an unknown name: the known one that is nearest, or what there is.
 fn nearest<'a>(unknown: &str, known: impl Iterator<Item = &'a str>) -> String {
+    // Jaro-Winkler favours names that begin alike, as the joints of one leg do.
     let scored = known.map(|name| (strsim::jaro_winkler(unknown, name), name));
     match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
         Some((_, name)) => format!("; the nearest name is `{name}`"),

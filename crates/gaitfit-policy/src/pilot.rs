@@ -78,6 +78,7 @@ impl<'a> Pilot<'a> {
         let interface = &self.policy.interface;
         sensed.last_action.copy_from_slice(self.last_action.row(0));
         sensed.clock = clock(interface, self.steps);
+        // The motion runs by control periods and not by a clock: a late step skips nothing of it.
         sensed.motion =
             MotionPlace { time: f64::from(self.steps) * interface.control_dt, heading: self.heading };
         // The motion is turned once, at the beginning: later differences of heading are errors that the

@@ -103,6 +103,7 @@ impl Policy {
             let normaliser = self.normaliser.as_ref();
             return self.actor.forward_normalised(normaliser, rows, observation, actions, scratch);
         };
+        // The caller's array may have room for more rows.
         let observation = &observation[..rows * front.inputs()];
         // The normaliser stands before the front, so the actor behind it gets no further one.
         let mut normal = observation.to_vec();

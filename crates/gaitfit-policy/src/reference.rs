@@ -243,6 +243,7 @@ impl Follower {
         let near = place.round();
         let place = if (place - near).abs() < Reference::SAME_SAMPLE { near } else { place };
         let moves = place >= 0.0 && place <= last as f64;
+        // Before its beginning the motion stands at the first sample, after its end at the last one.
         let place = place.clamp(0.0, last as f64);
         let low = (place.floor() as usize).min(last);
         // At the end of the motion both samples are the last one.

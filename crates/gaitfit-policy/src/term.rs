@@ -38,6 +38,7 @@ impl Term {
 
     /// Numbers it takes for a robot of `joints` joints, all frames together.
     pub fn width(&self, joints: usize) -> usize {
+        // Both may come from a file: a product that is too large saturates, and `Interface::check` refuses it.
         self.quantity.width(joints).saturating_mul(self.history)
     }
 }

@@ -171,6 +171,7 @@ impl Training<'_> {
         });
         // Collected first: a shape that does not fit its bytes must stop the writing.
         let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
+        // Only the place of the checksum is still blank in these bytes: `seal` computes it over the whole file.
         let mut bytes = serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)?;
         if !checksum::seal(&mut bytes, BEFORE) {
             return Err(damaged("its metadata has no place for the checksum"));
@@ -217,6 +218,7 @@ impl Training<'_> {
         }
         let tensor = |name: &str| learner.iter().find(|(known, _)| known == name).map(|(_, v)| v.as_slice());
         self.learner.restore(tensor, &header.learner)?;
+        // Then the robots, tile by tile. Another split into tiles fails by a missing name or by a size.
         for (tile, runner) in self.runners.iter_mut().enumerate() {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             let name = format!("tile.{tile}.steps");

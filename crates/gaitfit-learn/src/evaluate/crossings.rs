@@ -160,6 +160,7 @@ impl<'a> CrossingRecorder<'a> {
         {
             let (ended, [x, y]) = state(index);
             crossing.fell = matches!(ended, Ended::Fall | Ended::Diverged);
+            // The time stays that of the last step that counts, because the filter then skips the robot.
             crossing.seconds = f64::from(step) * self.dt;
             if ended == Ended::Diverged {
                 continue;
@@ -187,12 +188,14 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
         let kind = course.kind(cell);
         let direction = match kind {
             TerrainKind::Flat | TerrainKind::Rough => "",
+            // Robots start in the middle of a cell, which is the lowest place of a pit.
             _ if course.is_pit(cell) => "up",
             _ => "down",
         };
         (kind, direction)
     };
     for column in 0..settings.columns {
+        // The kind belongs to the column and is the same on all levels.
         let kind = place(Cell { level: 0, column });
         if !kinds.contains(&kind) {
             kinds.push(kind);
@@ -201,6 +204,7 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
     let mut summaries = Vec::new();
     for (kind, direction) in kinds {
         for level in 0..settings.levels {
+            // Robots of all columns of this kind and direction, on this level.
             let here = || {
                 crossings
                     .iter()

@@ -128,6 +128,7 @@ fn wrap(angle: f64) -> f64 {
 fn relative(start: [f64; 3], now: [f64; 3]) -> [f64; 3] {
     let (sin, cos) = start[2].sin_cos();
     let (dx, dy) = (now[0] - start[0], now[1] - start[1]);
+    // The start's heading is turned back: x is then ahead of the robot, and y to its left.
     [cos * dx + sin * dy, cos * dy - sin * dx, wrap(now[2] - start[2])]
 }
 
@@ -151,6 +152,7 @@ impl DriftRecorder {
     pub fn all(task: &Task, robots: usize, speeds: Option<[f64; 3]>) -> Vec<Self> {
         let limits = &task.settings.command;
         let [x, y, yaw] = match speeds {
+            // Given speeds hold for both directions.
             Some(speeds) => speeds.map(|speed| [-speed, speed]),
             // Half of the range on either side: the two directions may have different limits.
             None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
@@ -216,6 +218,7 @@ impl DriftRecorder {
         for index in 0..self.robots() {
             let (ended, pose) = state(index);
             self.fallen[index] |= matches!(ended, Ended::Fall | Ended::Diverged);
+            // A divergence is counted in both lists: it is a fall too, and reports give it apart.
             self.diverged[index] |= ended == Ended::Diverged;
             if self.fallen[index] {
                 continue;
@@ -257,6 +260,7 @@ impl DriftRecorder {
             .filter(|&index| !self.fallen[index])
             .map(|index| {
                 let [x, y, yaw] = relative(self.starts[index], self.ends[index]);
+                // The wanted turn may be more than half a turn, so the difference is wrapped again.
                 [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
             })
             .collect();

@@ -96,6 +96,7 @@ pub fn record_gait_on(
     };
     let mut clearance = Clearance::new(task);
     let mut step = 0;
+    // One command follows the other without a new start.
     for &(seconds, command) in commands {
         player.environment.hold_command(0, command.map(|x| x as f32));
         for _ in 0..(seconds / record.dt).round() as u32 {
@@ -115,6 +116,7 @@ pub fn record_gait_on(
             record.joint_position.extend(motion.joint_position.iter().map(|&q| f64::from(q)));
             record.torque.extend(motion.torque.iter().map(|&torque| f64::from(torque)));
             record.action.extend(player.action.iter().map(|&action| f64::from(action)));
+            // The record ends with the period of the fall: what follows is no gait.
             if player.ended[0] == Ended::Fall || player.ended[0] == Ended::Diverged {
                 record.fell = true;
                 return Ok(record);
@@ -228,6 +230,8 @@ impl GaitRecord {
             }
             alternating += if full == 1 && !mixed { 1.0 } else { 0.0 };
             for foot in (0..feet).filter(|&foot| groups[foot].is_some()) {
+                // `gait_feet` counts feet times periods. Landings over it give the step rate of one foot, contacts
+                // its duty factor.
                 gait_feet += 1.0;
                 on_ground += if row[foot] { 1.0 } else { 0.0 };
                 if step > 0 && row[foot] && !self.contact[(step - 1) * feet + foot] {
@@ -237,6 +241,7 @@ impl GaitRecord {
                     let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
                     // The swing has one step at least, the one before the landing.
                     let top = swing.map(height).fold(f64::MIN, f64::max);
+                    // Above the landing and not above 0: a foot in contact sinks a little into the ground.
                     lifts.push(top - height(step));
                 }
             }

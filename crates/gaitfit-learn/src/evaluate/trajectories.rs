@@ -141,6 +141,7 @@ impl Trials {
             }
             trial.steps = step;
             let (reward, ended, [linear, angular]) = state(index);
+            // Reward and errors of such a state are not finite, and one NaN would spoil the sums.
             if ended == Ended::Diverged {
                 (trial.fell, trial.diverged) = (true, true);
                 continue;
@@ -155,8 +156,10 @@ impl Trials {
                 .map(|(now, before)| (now - before) * (now - before))
                 .sum();
             trial.action_rate += f64::from((change / joints as f32).sqrt());
+            // The sums are above this line, so the step of the fall itself still counts.
             trial.fell = ended == Ended::Fall;
         }
+        // Robots that have fallen are set too, but nobody reads their rows.
         self.last_action.take(action);
     }
 
@@ -194,6 +197,7 @@ pub fn summarise(trials: &[Trial]) -> TrialSummary {
         reward: estimate(|trial| trial.reward),
         linear_velocity_error: estimate(|trial| trial.linear_velocity_error),
         angular_velocity_error: estimate(|trial| trial.angular_velocity_error),
+        // Only trials of a policy that follows a motion have this error, so the list may be empty.
         motion_error: Estimate::from_values(
             &finite().filter_map(|trial| trial.motion_error).collect::<Vec<_>>(),
         ),

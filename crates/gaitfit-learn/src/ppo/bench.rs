@@ -57,6 +57,7 @@ pub fn synthetic(
         normals(3, &mut samples.reward);
         // Step numbers keep the arrays' draws apart.
         normals(4, &mut samples.last_value);
+        // The rollout begins with new episodes, so nothing is remembered.
         [samples.actor_memory, samples.critic_memory] = learner.blank_memories(environments);
         // Copies: the samples keep the memories as they were before the first step, from which the update
         // starts again.
@@ -105,6 +106,7 @@ pub fn time_updates(
 ) -> Result<Timing, BenchError> {
     // A fixed rate: the made-up samples are seen again and again, and an adaptive one would run away.
     let settings = Settings { schedule: super::Schedule::Fixed, learning_rate: 1e-4, ..settings.clone() };
+    // Seeds are fixed, so that all timings are of the same networks and samples.
     let mut learner = Learner::new(settings, widths, 1)?;
     let mut samples = synthetic(&learner, tiles, environments, steps, 2);
     // Warms up: the first update allocates gradients and workers.

@@ -11,6 +11,7 @@ impl Samples {
     pub fn estimate_advantages(&mut self, gamma: f64, lambda: f64) {
         let (gamma, decay) = (gamma as f32, (gamma * lambda) as f32);
         let width = self.environments;
+        // Behind the last step stands the value that the critic gives, and no further advantage.
         let mut next_value = self.last_value.clone();
         let mut next_advantage = vec![0.0; width];
         for step in (0..self.steps).rev() {

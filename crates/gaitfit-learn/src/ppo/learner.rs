@@ -103,6 +103,7 @@ impl Learner {
         memories: [Option<Recurrent>; 2],
         mut log_std: Vec<f32>,
     ) -> Result<Self, LearnerError> {
+        // First each part by itself, then how they fit together.
         settings.check()?;
         actor.check()?;
         critic.check()?;
@@ -142,6 +143,7 @@ impl Learner {
                 return Err(LearnerError::Width { what, expected, found });
             }
         }
+        // A fixed σ goes before the given one, which the file of a policy may bring along.
         if let Some(std) = settings.fixed_std {
             log_std.fill(std.ln() as f32);
         }

@@ -98,6 +98,7 @@ impl Gradients {
             [&point.actor, &point.critic].map(|network| network.shape.parameters()),
         );
         let [scale, critic_scale] = scales;
+        // Actor and critic of a piece are jobs of their own: a free thread takes whichever comes next.
         share(&mut self.workers, parts, |worker, (places, part)| match part {
             Part::Policy { gradient, of_log_std, sums } => {
                 gradient.fill(0.0);

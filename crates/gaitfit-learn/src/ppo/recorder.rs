@@ -118,6 +118,8 @@ impl Recorder {
         let environments = self.samples.environments;
         assert_eq!(ends.len(), environments, "one end an environment");
         let rows = self.step * environments..(self.step + 1) * environments;
+        // Both kinds of end stop the sum of advantages. A truncation differs only by the value that its reward gets
+        // below.
         for (done, end) in self.samples.done[rows.clone()].iter_mut().zip(ends) {
             *done = if *end == End::No { 0.0 } else { 1.0 };
         }

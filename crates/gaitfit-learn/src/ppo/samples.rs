@@ -140,6 +140,7 @@ pub enum SamplesError {
 impl Samples {
     /// Room for a rollout, all zeros.
     pub fn new(steps: usize, environments: usize, widths: Widths) -> Self {
+        // `steps` is the slowest index: the rows of one step lie together, as the simulator writes them.
         let rows = steps * environments;
         let zeros = |width: usize| vec![0.0; rows * width];
         Self {
@@ -213,6 +214,7 @@ impl Samples {
         for (array, values, steps, width) in arrays {
             let expected = steps * environments * width;
             let found = values.len();
+            // The size comes first, because the place of a bad number is computed from it.
             if found != expected {
                 return Err(SamplesError::Size { tile, array, steps, environments, expected, found });
             }

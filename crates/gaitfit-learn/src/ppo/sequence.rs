@@ -164,6 +164,7 @@ impl SequenceWorker<f32> {
         let Self { input, begins, start, .. } = self;
         start.clear();
         begins.clear();
+        // One memory after the other, in the order in which the places stand side by side below.
         for place in places {
             let (_, _, memory) = of(&tiles[place.tile as usize]);
             memory.append_row(place.row as usize, start);
@@ -172,6 +173,8 @@ impl SequenceWorker<f32> {
         let Some(first) = places.first().map(|place| &tiles[place.tile as usize]) else { return [0, 0] };
         let steps = first.steps;
         input.resize(steps * places.len() * of(first).1, 0.0);
+        // Step by step, with the group's environments side by side: recurrent layers take one step of all of them at
+        // once.
         for (to, (tile, row)) in rows(tiles, places, steps).enumerate() {
             let (source, width, _) = of(tile);
             copy(input, to, source, row, width, scale);

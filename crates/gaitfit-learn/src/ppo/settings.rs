@@ -126,6 +126,8 @@ impl Default for Settings {
             fixed_std: None,
             normalise_observations: false,
             normalise_advantage: true,
+            // From here to `minibatches`: the values of legged_gym (Rudin et al. 2022) and of rsl_rl, which it trains
+            // with, except the entropy bonus (0.01 there) and `critic_warmup`.
             gamma: 0.99,
             lambda: 0.95,
             clip: 0.2,
@@ -184,6 +186,7 @@ impl Settings {
             require((0.0..1e30).contains(&x), name, format!("{x:?}"), "give 0 or more, below 1e30")
         };
         let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
+        // Widths are bounded here, because `shapes` multiplies them without a check for overflow.
         for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
             require(
                 !hidden.contains(&0),
@@ -254,6 +257,7 @@ impl Settings {
             let value = format!("{hidden:?}, {count} parameters where a policy has at most {MAX_PARAMETERS}");
             Err(SettingsError { name, value, remedy: "make it narrower" })
         };
+        // Behind a memory a network sees the memory's output, which is as wide as each of its layers.
         let inputs = |observed: usize| self.memory.map_or(observed, |memory| memory.width);
         Ok((
             shape("actor_hidden", inputs(widths.observation), &self.actor_hidden, widths.action)?,

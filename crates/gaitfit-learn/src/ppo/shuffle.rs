@@ -34,6 +34,7 @@ pub(super) fn deal(tiles: &[usize], minibatches: usize, seed: u64, iteration: u3
         if draw % 4 == 0 {
             words = stream.block((draw / 4) as u32);
         }
+        // One of the `last + 1` cards that are left, so a card may also stay where it is.
         let other = (u64::from(words[draw % 4]) * (last as u64 + 1)) >> 32;
         cards.swap(last, other as usize);
     }

@@ -118,6 +118,7 @@ impl Learner {
         if !(rate > 0.0 && rate.is_finite()) {
             return Err(StateError::Number { name: "learning_rate".to_owned(), value: rate });
         }
+        // Both sides have statistics or neither has: the settings decide it.
         for (name, mine, theirs) in [
             ("normaliser", &self.normaliser, &scalars.normaliser),
             ("critic_normaliser", &self.critic_normaliser, &scalars.critic_normaliser),
@@ -140,6 +141,7 @@ impl Learner {
                 }
             }
         }
+        // From here on nothing can fail.
         let mut targets: Vec<&mut [f32]> = vec![
             &mut self.actor.parameters,
             &mut self.critic.parameters,

@@ -72,6 +72,7 @@ impl Learner {
             // The correction for moments that started at 0 would have run out before the actor's first step.
             self.adam = Adam::new(self.gradients.total.len());
         }
+        // Fixed for the whole update: the statistics take in these samples only at its end.
         let scales = [&self.normaliser, &self.critic_normaliser].map(|n| n.as_ref().map(Normaliser::scale));
         let (actor, critic) = (&self.actor.shape, &self.critic.shape);
         if remembers {
@@ -85,6 +86,7 @@ impl Learner {
         // σ of the policy that sampled: ratios and divergences are against it in all epochs.
         let old_log_std = self.log_std.clone();
         let mut report = Diagnostics { explained_variance, ..Diagnostics::default() };
+        // Every epoch deals the samples anew, so minibatches differ from epoch to epoch.
         for epoch in 0..epochs {
             let places = shuffle::deal(&counts, minibatches, self.seed, iteration, epoch as u32);
             for minibatch in 0..minibatches {

@@ -50,6 +50,7 @@ impl<T: Scalar> Worker<T> {
     /// A worker for networks of these shapes.
     pub(super) fn new(actor: &Shape, critic: &Shape) -> Self {
         Self {
+            // As large as a whole tile needs; the last tile of a piece uses a part of it.
             observation: avec![T::ZERO; TILE * actor.inputs],
             critic_observation: avec![T::ZERO; TILE * critic.inputs],
             targets: Targets::default(),

@@ -114,6 +114,7 @@ fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
         let setting = format!("command.curriculum.{setting}");
         refuse(&setting, format!("is {}; it must be above 0 and at most 1", shown_number(value)))
     };
+    // The ranges in between are mixtures of these two, so no others need a check.
     let (first, last) = (command.ranges(0.0), command.ranges(1.0));
     for (k, name) in ["x", "y", "yaw"].into_iter().enumerate() {
         let ([low, high], [min, max]) = (first[k], last[k]);
@@ -237,6 +238,7 @@ fn check_from_zero(settings: &TaskSettings) -> Result<(), TaskError> {
         ("randomisation.base_com", settings.randomisation.base_com),
     ];
     for (setting, value) in ranges {
+        // The range contains no NaN, so NaN is refused too.
         if !(0.0..=1e4).contains(&value) {
             return refuse(setting, format!("is {}; it must be from 0 to 10000", shown_number(value)));
         }

@@ -102,6 +102,7 @@ impl<'a> Environment<'a> {
         let robot_number = |environment: u32| environment as usize % candidates.len();
         let tile_candidates =
             || (first..first + count as u32).map(|number| &candidates[robot_number(number)]);
+        // Torque noise and the inertial unit belong to the candidate that a robot is varied around.
         let deviations = tile_candidates().map(|candidate| candidate.torque_noise).collect();
         let imus = tile_candidates().map(|candidate| candidate.sensors.imu()).collect();
         let joints = walker.joints.len();
@@ -244,6 +245,7 @@ impl<'a> Environment<'a> {
         if !self.held_commands {
             self.command[index] = self.drawn(number, step);
         }
+        // Nothing of the old episode may show in what the new one observes and is paid for.
         self.last_action.begin(index);
         self.past.iter_mut().for_each(|past| past.begin(index));
         let feet = self.task.settings.feet.len();
@@ -293,6 +295,7 @@ impl<'a> Environment<'a> {
         if !self.held_commands {
             let period = task.command_steps();
             for index in 0..self.count() {
+                // Steps count from the start of the episode, which has drawn the first command.
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
                     // The observation that shows the new command belongs to the next step.

@@ -136,6 +136,7 @@ impl Environment<'_> {
         }
         let sum: f32 = values.iter().sum();
         if !sum.is_finite() {
+            // A sum may overflow although all its terms are finite. Then no term is named.
             let term = values.iter().position(|value| !value.is_finite());
             self.broken_term = self.broken_term.or(term.map(|term| (index, term)));
             return (0.0, Ended::Diverged);

@@ -27,6 +27,7 @@ impl Environment<'_> {
     /// Keeps the rows that were observed at `step`, for those of the next.
     pub(super) fn remember(&mut self, step: u32) {
         let walker = &self.task.walker;
+        // Without past frames nothing is kept, and the rows need not be computed twice.
         let [actor, critic] = [&self.past[0], &self.past[1]].map(Past::is_kept);
         if actor {
             let mut rows = vec![0.0; self.count() * walker.observation.width()];

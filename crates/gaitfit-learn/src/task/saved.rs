@@ -64,6 +64,7 @@ impl Environment<'_> {
         // All checks come before the first change. The simulator makes none if it refuses its own numbers.
         let Some(ways) = self.saved_ways(ways) else { return Err(foreign) };
         self.tile.restore(tile)?;
+        // From here on nothing can fail.
         for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
             command.copy_from_slice(saved);
         }

@@ -36,9 +36,11 @@ impl<'a> SensorNoise<'a> {
     /// Adds to the present values of a term; terms come in the order of [`blocks`].
     pub(super) fn add(&mut self, quantity: Quantity, values: &mut [f32]) {
         let half = self.settings.half_range(quantity);
+        // `blocks` has left out such terms too, so no words are taken for them.
         if half <= 0.0 {
             return;
         }
+        // A block has four draws. The last block of a term may be used in part.
         let (drawn, rest) = self.words.split_at(values.len().div_ceil(4));
         for (chunk, words) in values.chunks_mut(4).zip(drawn) {
             for (value, word) in chunk.iter_mut().zip(words) {

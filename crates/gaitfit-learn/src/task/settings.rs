@@ -177,6 +177,7 @@ impl CommandSettings {
         let Some(curriculum) = self.curriculum.as_ref().filter(|_| level < 1.0) else { return last };
         let first = [curriculum.x, curriculum.y, curriculum.yaw];
         std::array::from_fn(|k| {
+            // A direction without a first range has its final one from the start.
             let first = first[k].unwrap_or(last[k]);
             std::array::from_fn(|end| first[end] + level * (last[k][end] - first[end]))
         })
@@ -310,6 +311,7 @@ impl TaskSettings {
             angular_velocity: 0.0,
             ..self.start.clone()
         };
+        // Evaluations tell no share of the robots to stand.
         calm.command.standing = 0.0;
         calm.terrain = None;
         calm

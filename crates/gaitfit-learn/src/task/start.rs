@@ -32,6 +32,7 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: 
         (0..joints).map(|j| either(8 + joints + j, settings.joint_velocity)).collect();
     model.couple_velocities(&angles, &mut velocities);
     Start {
+        // The feet stand on the ground, so the base gets no vertical velocity.
         base_linear: [
             either(3, settings.linear_velocity) as f32,
             either(4, settings.linear_velocity) as f32,

@@ -56,6 +56,7 @@ impl Task {
         check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;
+        // Gains are read for all joints: those that the policy does not move are held by them.
         let joints: Vec<usize> = (0..model.joints.len()).collect();
         let kp = policy.kp.of_joints(model, &joints, "policy.kp")?;
         let kd = policy.kd.of_joints(model, &joints, "policy.kd")?;
@@ -124,12 +125,14 @@ impl Task {
             start_pitch: settings.start.pitch,
             fall: settings.fall.clone(),
         };
+        // The ground replaces the file's planes before the model is compiled for the simulator.
         let (course, uneven) = match &settings.terrain {
             Some(terrain) => Some(on_terrain(model, settings, terrain)?).unzip(),
             None => (None, None),
         };
         let mut model = uneven.unwrap_or_else(|| model.clone());
         let mut remarks = Vec::new();
+        // Contacts between the robot's own parts count only where the settings ask for them.
         if !settings.self_contact.is_off() {
             (model, remarks) = model.touching_itself(&settings.self_contact)?;
         }
@@ -299,6 +302,7 @@ fn on_terrain(
         return refuse("terrain", what);
     }
     let (course, field) = Course::new(terrain)?;
+    // Only pairs with a plane: the field takes the planes' place.
     for pair in model.pairs.iter().filter(|pair| matches!(pair.ground, Ground::Plane(_))) {
         let geom = &model.geoms[pair.geom];
         // Settings name a foot by its geom or by its body.

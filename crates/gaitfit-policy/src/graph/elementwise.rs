@@ -186,6 +186,7 @@ fn each(
     (b, reach_b): (&[f32], &Reach),
     function: impl Fn(f32, f32) -> f32,
 ) {
+    // The usual cases need no look-up of places, so their loops become vectors.
     match (reach_a, reach_b) {
         (Reach::Same, Reach::Same) => {
             out.iter_mut().zip(a).zip(b).for_each(|((out, &a), &b)| *out = function(a, b));

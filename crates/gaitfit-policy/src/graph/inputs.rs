@@ -43,6 +43,7 @@ impl Taken {
             Self::Frames(Frames::All) => (0..layout.width()).collect(),
             Self::Frames(Frames::Present) => present().collect(),
             Self::Frames(Frames::Past) => {
+                // All other places of the row, so that the past frames keep the row's order.
                 let mut is_past = vec![true; layout.width()];
                 present().for_each(|place| is_past[place] = false);
                 (0..layout.width()).filter(|&place| is_past[place]).collect()
@@ -50,6 +51,7 @@ impl Taken {
             Self::Terms(terms) => {
                 let mut places = Vec::new();
                 for quantity in terms {
+                    // Of a quantity that is observed twice the first term counts.
                     let slot = layout.slots().iter().find(|slot| slot.quantity == *quantity);
                     let slot = slot.ok_or_else(|| {
                         let name = quantity.name();

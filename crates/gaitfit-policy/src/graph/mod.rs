@@ -222,6 +222,7 @@ impl Graph {
         let mut values = std::mem::take(scratch.values());
         // Never fewer than before: policies of several graphs share the thread's lists.
         values.resize_with(plan.counts.len().max(values.len()), Vec::new);
+        // Each tile: its inputs, all operators, its actions, and what it remembers for the next control step.
         for first in (0..rows).step_by(TILE) {
             let rows = TILE.min(rows - first);
             for feed in &plan.feeds {

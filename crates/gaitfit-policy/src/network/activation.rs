@@ -71,11 +71,14 @@ impl Activation {
 
     /// ELU with this α.
     pub fn elu(alpha: f32) -> Self {
+        // α = 1 is always written in one way, so that equal functions compare as equal.
         if alpha == 1.0 { Self::Elu } else { Self::EluOf(alpha) }
     }
 
     /// Whether its parameter is one that it can have.
     pub fn is_sound(self) -> bool {
+        // Below 0 the output of a negative x would be positive. The way back could not tell from it which slope
+        // holds.
         self.parameter().is_none_or(|parameter| (0.0..=MAX_PARAMETER).contains(&parameter))
     }
 }
@@ -126,6 +129,7 @@ impl TryFrom<Written> for Activation {
             ("elu", Some(alpha)) => Self::elu(alpha),
             ("relu", None) => Self::Relu,
             ("tanh", None) => Self::Tanh,
+            // `lrelu` is its name in rsl_rl.
             ("leaky_relu" | "lrelu", slope) => Self::LeakyRelu(slope.unwrap_or(SLOPE)),
             ("selu", None) => Self::Selu,
             ("silu" | "swish", None) => Self::Silu,

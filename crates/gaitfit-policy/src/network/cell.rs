@@ -203,6 +203,7 @@ fn lstm_back_units<T: Scalar, const FUSED: bool, const N: usize>(
     [before, cell]: [&[T]; 2],
     [of_state, of_cell]: [&mut [T]; 2],
 ) {
+    // The step left the values of the gates here, after their functions.
     let [mut i, mut f, mut g, mut o] = x.each_ref().map(|block| take::<T, N>(block, at));
     let (before, cell) = (take::<T, N>(before, at), take::<T, N>(cell, at));
     let (pull, mut carried) = (take::<T, N>(of_state, at), take::<T, N>(of_cell, at));

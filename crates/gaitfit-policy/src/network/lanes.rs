@@ -109,6 +109,7 @@ fn multiply_rows<T: Scalar, const FUSED: bool>(
             }
         }
     }
+    // The bias comes last, as in layers that gemm computes.
     for (y, sums) in y.chunks_exact_mut(width).zip(sums) {
         for ((y, sum), bias) in y.iter_mut().zip(sums).zip(bias) {
             *y = sum + bias;
@@ -208,6 +209,7 @@ kernels! {
             Activation::Elu | Activation::EluOf(_) | Activation::Selu => {
                 let [alpha, lambda] = match activation {
                     Activation::Selu => SELU.map(T::from_f64),
+                    // `Elu` has no parameter, and its α is 1.
                     _ => [T::from_f64(f64::from(activation.parameter().unwrap_or(1.0))), T::ONE],
                 };
                 for (y, slope) in each {
@@ -218,6 +220,7 @@ kernels! {
                 }
             }
             Activation::Relu | Activation::LeakyRelu(_) => {
+                // `Relu` has no parameter, and its slope below 0 is 0.
                 let below = T::from_f64(f64::from(activation.parameter().unwrap_or(0.0)));
                 for (y, slope) in each {
                     *slope = if *y > T::ZERO { T::ONE } else { below };
@@ -252,6 +255,7 @@ kernels! {
                 }
             }
             Activation::GeluTanh => {
+                // √(2/π) and the cubic coefficient, as in `add_bias_and_activate`.
                 let [root, cubic, half, three] = [0.797_884_560_802_865_4, 0.044_715, 0.5, 3.0].map(T::from_f64);
                 for (y, slope) in each {
                     let x = *y;

@@ -18,6 +18,7 @@ impl LayerNorm {
     /// Normalises and scales each row of `rows`; the bias is left to what follows. Sums in `f64`.
     pub(super) fn apply(&self, rows: &mut [f32]) {
         let width = self.weight.len();
+        // A norm of no numbers would cut rows of no width, which chunks refuse.
         for row in rows.chunks_exact_mut(width.max(1)) {
             let mean = row.iter().map(|&x| f64::from(x)).sum::<f64>() / width as f64;
             let variance = row.iter().map(|&x| (f64::from(x) - mean).powi(2)).sum::<f64>() / width as f64;

@@ -248,6 +248,7 @@ impl Recurrent {
     /// If a slice or the memory is of another size: an error of the caller.
     pub fn step(&self, rows: usize, input: &[f32], memory: &mut Memory, output: &mut Vec<f32>) {
         let mut x = input[..rows * self.inputs()].to_vec();
+        // The new output of each layer is the input of the next one.
         for (layer, state) in self.layers.iter().zip(&mut memory.layers) {
             layer.step(self.cell, rows, &x, state);
             x.clear();
@@ -274,6 +275,7 @@ impl RecurrentLayer {
         let zeros = vec![0.0; rows * hidden];
         let output = before.next().unwrap_or_else(|| zeros.clone());
         let mut state = State { hidden, output, cell: before.next().unwrap_or(zeros) };
+        // Numbers of one robot: its outputs at all steps, and the last state.
         let wide = out.len() / rows;
         for time in 0..times {
             let x: Vec<f32> =
@@ -304,6 +306,7 @@ impl RecurrentLayer {
         let mut of_output = product(&state.output, hidden, &self.weight_hh);
         // Copies, because the step writes over the state that it reads.
         let (output_before, cell_before) = (state.output.clone(), state.cell.clone());
+        // For a GRU both cells are empty slices, also where `along` has given it an array.
         let remembered = if cell == Cell::Lstm { rows * hidden } else { 0 };
         let step = Step {
             gates: &mut gates,

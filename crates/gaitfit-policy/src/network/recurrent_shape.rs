@@ -63,6 +63,7 @@ impl RecurrentShape {
 
     /// Number of parameters.
     pub fn parameters(&self) -> usize {
+        // The parts lie without gaps, so the end of the last one is the count.
         self.layers().last().map_or(0, |layer| layer.parts[3].end)
     }
 

@@ -149,6 +149,7 @@ impl Scalar for f32 {
         // 0.693359375 is 355/512, so n times it is exact in `f32`; the second part is the rest of ln 2.
         const LN_2_HIGH: f32 = 0.693_359_4;
         const LN_2_LOW: f32 = -2.121_944_4e-4;
+        // From −87 to 88, n stays between −126 and 127, so 2ⁿ is a normal `f32`.
         // Selections written so that a NaN fails the comparison and passes through.
         let x = if self < -87.0 { -87.0 } else { self };
         let x = if x > 88.0 { 88.0 } else { x };

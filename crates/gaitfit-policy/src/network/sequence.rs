@@ -156,6 +156,7 @@ impl<T: Scalar> SequenceTape<T> {
         self.layers.resize_with(spans.len(), LayerTape::new);
         self.derivative.resize(rows * shape.outputs(), T::ZERO);
         let mut place = 0;
+        // Layer by layer, each over all steps: a layer needs nothing of those behind it.
         for (index, span) in spans.iter().enumerate() {
             // The layer below is read while this one is written.
             let (below, rest) = self.layers.split_at_mut(index);
@@ -184,6 +185,7 @@ impl<T: Scalar> SequenceTape<T> {
                 carry(&mut layer.cell_before, &layer.cell, &cell_start, step, begins);
                 let range = |width: usize| step * robots * width..(step + 1) * robots * width;
                 let states = range(hidden);
+                // A GRU has no cells, so its slices are empty.
                 let cells = if shape.cell == Cell::Lstm { states.clone() } else { 0..0 };
                 let of_output = &mut layer.of_output[range(wide)];
                 let before = &layer.output_before[states.clone()];
@@ -220,6 +222,7 @@ impl<T: Scalar> SequenceTape<T> {
         let &Sequences { steps, robots, input, begins, .. } = sequences;
         let (shape, rows) = (&weights.shape, steps * robots);
         let cell = shape.cell;
+        // From the last layer to the first, each over all steps from the last to the first.
         for (index, span) in shape.layers().iter().enumerate().rev() {
             let (below, rest) = self.layers.split_at_mut(index);
             let layer = &mut rest[0];
@@ -257,6 +260,7 @@ impl<T: Scalar> SequenceTape<T> {
                 clear(&mut self.of_state, begins);
                 clear(&mut self.of_cell, begins);
             }
+            // Here the derivatives by the products of all steps are known.
             let x = below.last().map_or(input, |layer| &layer.output);
             let x = Matrix::row_major(x, rows, span.inputs);
             let before = Matrix::row_major(&layer.output_before, rows, hidden);

@@ -70,6 +70,7 @@ pub enum ShapeError {
 impl Shape {
     /// Number of parameters: Σ inputs × outputs + outputs over the layers.
     pub fn parameters(&self) -> usize {
+        // The parts lie without gaps, so the end of the last bias is the count.
         self.layers().last().map_or(0, |layer| layer.bias.end)
     }
 
@@ -102,6 +103,7 @@ impl Shape {
     pub fn check(&self) -> Result<(), ShapeError> {
         let hidden =
             self.hidden.iter().enumerate().map(|(i, &width)| (format!("hidden layer {}", i + 1), width));
+        // The order is from front to back, so that the first empty layer is named.
         let all = [("input".to_owned(), self.inputs)].into_iter().chain(hidden);
         for (name, width) in all.chain([("output".to_owned(), self.outputs)]) {
             if width == 0 {

@@ -33,6 +33,7 @@ impl<T: Scalar> Tape<T> {
             derivatives: [AVec::new(0), AVec::new(0)],
             narrow: AVec::new(0),
         };
+        // Buffers only grow, because networks take turns in them.
         let grow = |buffer: &mut AVec<T>, width: usize| {
             buffer.resize(buffer.len().max(rows * width), T::ZERO);
         };
@@ -122,6 +123,7 @@ impl<T: Scalar> Tape<T> {
         }
         let [even, odd] = &mut self.derivatives;
         let (mut current, mut next) = (even, odd);
+        // From the last layer to the first, as in the formulas at the top of the file.
         for (index, layer) in layers.iter().enumerate().rev() {
             let size = rows * layer.outputs;
             let last = index + 1 == layers.len();
@@ -152,6 +154,7 @@ impl<T: Scalar> Tape<T> {
             if index == 0 {
                 break;
             }
+            // D Wᵀ, and times f′ below: the derivative by the sums of the layer before.
             let w = &weights.transposed[layer.weight.clone()];
             let w = Matrix::row_major(w, layer.outputs, layer.inputs);
             let size = rows * layer.inputs;

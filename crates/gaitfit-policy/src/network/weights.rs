@@ -38,6 +38,7 @@ impl<'a, T: Scalar> Weights<'a, T> {
     /// With the layers from number `first` on in both orders.
     fn transposing(shape: &'a Shape, parameters: &'a [T], first: usize) -> Self {
         let mut transposed = avec![T::ZERO; parameters.len()];
+        // The places of the layers before `first` stay zero: nobody reads them.
         for layer in shape.layers().iter().skip(first) {
             let w = &parameters[layer.weight.clone()];
             // Row j of the transpose is column j of W.

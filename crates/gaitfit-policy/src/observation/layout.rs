@@ -55,6 +55,7 @@ impl Layout {
     /// [`Interface::check`].
     pub fn new(interface: &Interface, terms: &[Term]) -> Self {
         let joints = interface.joints.len();
+        // Numbers of one frame of all terms: whole frames lie this far apart.
         let frame: usize = terms.iter().map(|term| term.quantity.width(joints)).sum();
         let order = interface.history.order;
         let mut start = 0;
@@ -170,6 +171,7 @@ impl Layout {
     fn restore_last_action(&self, row: &[f32], past: &mut [f32]) {
         let Some((place, factors)) = &self.last_action else { return };
         let has_older = |slot: &Slot| slot.quantity == Quantity::LastAction && slot.frames.len() > 1;
+        // Its older frame has already moved to the present one.
         if self.slots.iter().any(has_older) {
             return;
         }
@@ -200,6 +202,7 @@ impl Layout {
         row: &mut [f32],
     ) {
         for slot in &self.slots {
+            // First the present frame. Noise comes before the factor, because it is given in the quantity's unit.
             let out = &mut row[slot.present.clone()];
             slot.quantity.write(sensed, &self.default_pose, out);
             if let Some(follower) = &self.follower {

@@ -17,6 +17,7 @@ pub struct Past {
 impl Past {
     /// Past rows of `environments` robots whose episodes begin.
     pub fn new(layout: &Layout, environments: usize) -> Self {
+        // A single frame is the present one, for which no row is kept.
         let width = if layout.frames() > 1 { layout.width() } else { 0 };
         let kept = if width > 0 { environments } else { 0 };
         Self { width, rows: vec![0.0; kept * width], begun: vec![false; kept] }

@@ -100,6 +100,7 @@ impl Course {
 
     /// The robot's state by the sensors at sample `sample`, with the base's position `place` and velocity `linear`.
     fn shown(&self, sample: usize, correction: &Correction<'_>, place: [f32; 3], linear: [f32; 3]) -> Start {
+        // Encoders report the true angle plus their bias.
         let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
         let (base_quaternion, base_angular) = self.base(sample, correction.imu.as_ref());
         let reading = self.reading(sample);
@@ -158,6 +159,7 @@ impl<'a> Correction<'a> {
             return None;
         }
         let mut state = course.shown(sample, self, place, linear);
+        // The list is empty where readings of joint velocities are not filtered.
         if !motion.filtered_velocity.is_empty() {
             let rows = index * course.joints()..(index + 1) * course.joints();
             let (read, own) = (&motion.filtered_velocity[rows.clone()], &motion.joint_velocity[rows]);
@@ -232,6 +234,7 @@ pub fn robots(walker: &Walker, courses: &[Course], job: &Job) -> Result<Vec<Vec<
             }
         };
     };
+    // One tile holds all courses, however many there are.
     Worker::default().run(walker, &Feet::new(walker), job, courses, 0, &mut watch, &|| false)?;
     Ok(periods)
 }
@@ -260,10 +263,12 @@ impl Worker {
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<bool, WalkerError> {
         let (batch, count) = (&walker.batch, courses.len());
+        // All robots of a tile are the job's robot, each under another course.
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let correction = Correction::new(&job.candidate, job.feet_trust);
         let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
+        // The list never shrinks: tracks keep their memory from tile to tile.
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (course, track)) in courses.iter().zip(&mut self.tracks).enumerate() {
             track.begin();
@@ -275,6 +280,7 @@ impl Worker {
             if sample.is_multiple_of(ASK) && cancel() {
                 return Ok(false);
             }
+            // The prediction is recorded before it is corrected.
             for (index, course) in courses.iter().enumerate().filter(|(_, course)| sample < course.samples())
             {
                 self.tracks[index].look(walker, &self.motion, index, correction.imu.as_ref(), sample);

@@ -56,6 +56,7 @@ impl Feet {
                 Shape::Sphere { radius } | Shape::Capsule { radius, .. } | Shape::Cylinder { radius, .. } => {
                     radius
                 }
+                // With the radius 0 a box counts by its centre.
                 Shape::Box { .. } => 0.0,
             };
             // Only a driven wheel rolls. A foot that is a cylinder on a joint with angle targets stands like
@@ -180,6 +181,7 @@ impl Legs {
         sample: usize,
         base: ([f32; 4], [f32; 3]),
     ) -> Option<Change> {
+        // Contacts of one robot: all forces, over the number of robots.
         let geoms = motion.normal_force.len() / (motion.base_position.len() / 3);
         let force = |&geom: &usize| f64::from(motion.normal_force[index * geoms + geom]);
         let load = |foot: &Foot| foot.forces.iter().map(force).sum::<f64>();
@@ -195,6 +197,7 @@ impl Legs {
         let logged = base.0.map(f64::from);
         let (rates, logged_rates) = (wide(&motion.base_angular[3 * index..]), base.1.map(f64::from));
         let (mut height, mut linear) = (0.0, [0.0; 3]);
+        // Places lie sample by sample, with one for each foot.
         let places = &self.places[sample * feet.feet.len()..];
         for (foot, place) in feet.feet.iter().zip(places) {
             let share = load(foot) / total;

@@ -161,6 +161,7 @@ impl Walker {
     /// The robot of a candidate with the policy's gains.
     pub fn robot(&self, candidate: &Candidate) -> Robot {
         let joints = self.default_pose.len();
+        // Joints that are neither moved nor held keep gains of 0: they are limp.
         let (mut kp, mut kd) = (vec![0.0; joints], vec![0.0; joints]);
         for (index, &joint) in self.joints.iter().enumerate() {
             kp[joint] = self.interface.kp[index];
@@ -179,6 +180,7 @@ impl Walker {
             for ((&joint, &action), &clip) in self.joints.iter().zip(actions).zip(&self.action_clip) {
                 row[joint] = target(self.default_pose[joint], self.action_scale[joint], clip, action);
             }
+            // Limp joints get a target too, but without gains it makes no torque.
             for &joint in &self.other_joints {
                 row[joint] = self.default_pose[joint];
             }
@@ -217,6 +219,7 @@ impl Walker {
     /// # Panics
     /// As [`Walker::sense`].
     pub fn sense_without_errors(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
+        // The plain velocities and not the filtered readings: a critic may see what no sensor shows.
         self.sense_motion(motion, index, &motion.joint_velocity, sensed);
     }
 

@@ -59,6 +59,7 @@ impl Walker {
     /// The start that a robot's joint sensors suggest: what they say (rad, rad/s, model order), the base in the start's
     /// posture, at rest.
     pub fn start_from_joints(&self, angles: &[f64], velocities: &[f64]) -> Start {
+        // Joint sensors show nothing of the base's pitch, so it is the one in which the robot starts a task.
         let posture = turn(1, self.start_pitch.to_radians());
         let joint_velocity = velocities.iter().map(|&x| x as f32).collect();
         Start { joint_velocity, ..self.standing([0.0; 2], posture, angles) }

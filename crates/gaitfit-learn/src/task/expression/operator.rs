@@ -61,6 +61,7 @@ impl One {
 
     /// Its value of one number.
     pub(super) fn value(self, x: f32) -> f32 {
+        // Through the loop of rows, so that a folded constant has the same bits as the same number in a row.
         let mut value = [0.0];
         self.apply(&[x], &mut value);
         value[0]

@@ -92,6 +92,7 @@ impl Program {
             step(work, moments, scratch, &mut row);
             scratch[to.at] = row;
         }
+        // A program without expressions has rows of no width, which chunks refuse.
         let width = self.values.len().max(1);
         for (lane, row) in values.chunks_exact_mut(width).enumerate().take(moments.len()) {
             row.iter_mut().zip(&self.values).for_each(|(value, &at)| *value = scratch[at][lane]);

@@ -125,6 +125,7 @@ macro_rules! quantities {
                         lane.iter_mut().zip(moments).for_each(|(slot, moment)| *slot = value(moment, place));
                     })*
                     _ => {
+                        // Quantities of the task are the same for all robots: one number fills the lane.
                         let value = moments.first().and_then(|moment| self.constant(moment.task, place));
                         lane.fill(value.unwrap_or(f32::NAN));
                     }

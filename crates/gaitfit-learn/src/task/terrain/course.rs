@@ -91,6 +91,7 @@ impl Course {
 
     /// x and y of the middle of a cell, m.
     pub fn middle(&self, cell: Cell) -> [f64; 2] {
+        // The cells lie evenly about the world's origin, as the height field does.
         let along = |number: usize, count: usize| self.size() * (number as f64 + 0.5 - 0.5 * count as f64);
         [along(cell.level, self.settings.levels), along(cell.column, self.settings.columns)]
     }
@@ -131,6 +132,7 @@ impl Course {
         let stream = Stream::new(seed, Purpose::PLACE).environment(environment).step(step);
         let room = self.room();
         let [x, y] = self.middle(cell);
+        // Draw 0 of this stream is the one of the level.
         let off = |draw: u32| room * (2.0 * stream.uniform(draw) - 1.0);
         [x + off(1), y + off(2)]
     }

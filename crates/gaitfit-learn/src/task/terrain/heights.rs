@@ -65,6 +65,7 @@ impl<'a> Shape<'a> {
     /// Height of its vertex `i` along x and `j` along y, m.
     fn height(&self, i: usize, j: usize) -> f64 {
         let TerrainSettings { platform, cell, .. } = *self.settings;
+        // The edge in whole vertices, because `size` need not be a multiple of `cell`.
         let size = self.settings.across() as f64 * cell;
         let off = |k: usize| (k as f64 * cell - 0.5 * size).abs();
         // Distance from the middle to the square through the vertex, and from there to the edge.

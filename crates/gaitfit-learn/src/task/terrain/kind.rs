@@ -81,6 +81,7 @@ impl Kinds {
             });
             // Rounding of the sum may leave the last column without a kind.
             let kind = chosen.or(shares.last()).map_or(TerrainKind::Flat, |(kind, _)| *kind);
+            // Numbers count only the columns of the same kind: even ones are pits, odd ones pyramids.
             columns.push((kind, columns.iter().filter(|(other, _)| *other == kind).count()));
         }
         columns

@@ -100,6 +100,7 @@ impl TerrainSettings {
         let (rough, stairs) = (has(TerrainKind::Rough), has(TerrainKind::Stairs));
         for (setting, value, [low, high], counts) in [
             ("terrain.size", self.size, [0.5, 100.0], true),
+            // At least a twentieth of the cell on each side is left for slopes and steps.
             ("terrain.platform", self.platform, [0.0, 0.9 * self.size], true),
             ("terrain.cell", self.cell, [0.01, 1.0], true),
             ("terrain.rough_distance", self.rough_distance, [self.cell, self.size], rough),
