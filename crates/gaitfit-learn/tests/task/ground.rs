@@ -265,6 +265,9 @@ fn what_cannot_be_ground_is_refused_by_setting() {
     // A flat field has no steps and no drawn heights, whose defaults are shorter than its cells.
     let flat = || TerrainSettings { cell: 1.0, ..small(TerrainKind::Flat) };
     assert!(Course::new(&flat()).is_ok() && Task::new(&model, &on(flat()), Preset::Fast).is_ok());
+    // A platform as wide as the area, whose edge of 1.4 m is rounded to whole cells.
+    let wide = TerrainSettings { size: 1.4, cell: 1.0, platform: 1.26, ..small(TerrainKind::Slopes) };
+    assert!(refused(&model, wide).starts_with("task.terrain.platform"));
     let error = refused(&model, TerrainSettings { cell: 1.0, ..small(TerrainKind::Rough) });
     assert!(error.starts_with("task.terrain.rough_distance"), "{error}");
     let mut boots = model.clone();

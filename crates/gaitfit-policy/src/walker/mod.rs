@@ -86,8 +86,8 @@ impl Walker {
         if model.root != Root::Floating {
             return Err(WalkerError::Clamped { robot: model.name.clone() });
         }
-        let joints = interface.resolve(model)?;
         interface.check()?;
+        let joints = interface.resolve(model)?;
         if let Some(reference) = &interface.reference {
             reference.check_anchor(model, &interface.joints, &joints)?;
         }

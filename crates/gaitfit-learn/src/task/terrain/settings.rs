@@ -100,9 +100,14 @@ impl TerrainSettings {
         let (rough, stairs) = (has(TerrainKind::Rough), has(TerrainKind::Stairs));
         for (setting, value, [low, high], counts) in [
             ("terrain.size", self.size, [0.5, 100.0], true),
-            // At least a twentieth of the cell on each side is left for slopes and steps.
-            ("terrain.platform", self.platform, [0.0, 0.9 * self.size], true),
             ("terrain.cell", self.cell, [0.01, 1.0], true),
+            // At least a twentieth of the area on each side is left for slopes and steps. Its edge is a whole number of cells.
+            (
+                "terrain.platform",
+                self.platform,
+                [0.0, 0.9 * self.size.min(self.across() as f64 * self.cell)],
+                true,
+            ),
             ("terrain.rough_distance", self.rough_distance, [self.cell, self.size], rough),
             ("terrain.border", self.border, [MIN_BORDER, 100.0], true),
         ] {
