@@ -18,6 +18,7 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     match ending(path).as_deref() {
         Some("safetensors") => weights::read(&bytes(path)?).map_err(inside),
         Some("onnx") => onnx_file(path, &bytes(path)?).map_err(inside),
+        // Notes on what was assumed come before those on the weights.
         Some("toml") => {
             let (description, notes) = description(path)?;
             let mut policy = description.load(folder(path)).map_err(inside)?;
