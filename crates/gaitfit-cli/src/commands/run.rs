@@ -324,6 +324,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
         false => Ok(()),
     };
     if !summary.armed {
+        // A signal before the word is an interruption. Any other text than the word is a refusal.
         return match signals::asked() {
             Some(_) => {
                 Err(Failure { exit: Exit::Interrupted, message: "interrupted; nothing was sent".to_owned() })
