@@ -367,6 +367,7 @@ impl Walk {
                     ("Add", _) => self.chain.elementwise(&one, other),
                     ("Mul", _) => self.chain.elementwise(other, &zero),
                     ("Sub", true) => self.chain.elementwise(&one, &inverse("Neg", other)?),
+                    // c − x is x times −1, and then c is added.
                     ("Sub", false) => self.chain.elementwise(&Constant::scalar(-1.0), other),
                     ("Div", true) => self.chain.elementwise(&inverse("Reciprocal", other)?, &zero),
                     _ => Err(unread("it divides by what the layers give")),
