@@ -130,10 +130,10 @@ fn drift() -> Vec<DriftTrials> {
 }
 
 fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
-    // The second round has learnt to walk so, and its log has all commands.
+    // Only the log of the first round has a gap in its commands.
     let uncovered =
         if index == 0 { vec!["backward walking with a turn to the right".into()] } else { vec![] };
-    // The first log lacks one kind of command, which the page must name as uncovered.
+    // The commands of the gap that the line above names.
     let within = |c: &[f64; 3]| index > 0 || !(c[0] < -0.2 && c[2] < -0.1);
     let command = |i: usize| [0, 1, 2].map(|k| noise(i, 40 + 10 * index + k));
     Round {
