@@ -10,6 +10,7 @@ static LISTENING: AtomicBool = AtomicBool::new(false);
 
 /// Listens from now on; asked again, it changes nothing.
 pub fn listen() -> Result<(), Failure> {
+    // ctrlc refuses a second handler in the same process.
     if LISTENING.swap(true, Ordering::SeqCst) {
         return Ok(());
     }

@@ -62,6 +62,7 @@ impl Keyboard {
         terminal::enable_raw_mode().map_err(failed)?;
         output::raw(true);
         let over = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+        // Made before the thread: if that cannot start, dropping this one restores the terminal.
         let mut keyboard = Self { thread: None, over: over.clone() };
         let listen = move || {
             while !over.load(Ordering::SeqCst) {
@@ -94,6 +95,7 @@ impl Drop for Keyboard {
 
 /// The first reason stays.
 fn stop(why: u8) {
+    // The first reason stays: it is the one that the person is told.
     let _ = STOPPED.compare_exchange(0, why, Ordering::SeqCst, Ordering::SeqCst);
 }
 

@@ -32,6 +32,7 @@ static SELF: OnceLock<PathBuf> = OnceLock::new();
 ///
 /// It listens for signals and may end the process; call it once, before there are other threads.
 pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    // Before any thread is started, because threads inherit which signals are blocked.
     signals::outlive_file_limit();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     SELF.get_or_init(|| arguments.first().map_or_else(|| "gaitfit".into(), PathBuf::from));
@@ -58,6 +59,7 @@ pub fn explain(input: ExplainInput<'_>, watch: &Watch<'_>) -> Result<String, gai
 
 /// Prints help that was asked for, or what is wrong with the command line.
 fn usage(asked: &clap::Error) -> u8 {
+    // Help and version, which were asked for, go to standard output and are no error.
     if asked.use_stderr() {
         let text = asked.render().to_string();
         if let Some(variable) = cli::from_variable(asked) {

@@ -67,6 +67,7 @@ pub fn harmless(text: &str) -> Cow<'_, str> {
 }
 
 fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
+    // Line breaks and tabs belong to tables. Other control characters can move the cursor or change colours.
     let steers = |letter: char| letter.is_control() && letter != '\n' && letter != '\t' || is_bidi(letter);
     if !text.chars().any(steers) {
         return Cow::Borrowed(text);

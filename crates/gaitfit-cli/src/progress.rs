@@ -42,6 +42,7 @@ impl Progress {
                 bar.set_style(style);
             }
             bar.set_prefix(what.to_owned());
+            // A run that resumes begins where it stopped.
             bar.set_position(first as u64);
             bar
         });

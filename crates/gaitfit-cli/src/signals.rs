@@ -13,6 +13,7 @@ static CONFIRMED: AtomicBool = AtomicBool::new(false);
 
 /// Why the program was asked to end.
 pub fn asked() -> Option<Reason> {
+    // 0: none. 1: a signal that ends a program. From 2 on: a place in `STOPPING`.
     match ASKED.load(Ordering::SeqCst) {
         0 => None,
         1 => Some(Reason::Signal),
@@ -98,6 +99,7 @@ fn wait_for_others() -> Result<(), Failure> {
     let failed =
         |error: &dyn std::fmt::Display| Failure::failed(format!("cannot listen for signals: {error}"));
     let mut blocked = SigSet::all();
+    // ctrlc handles the first three. Faults must end the program, and the others stop nothing.
     for signal in [
         SIGINT, SIGTERM, SIGHUP, SIGABRT, SIGBUS, SIGFPE, SIGILL, SIGSEGV, SIGSYS, SIGTRAP, SIGCHLD, SIGCONT,
         SIGPIPE, SIGURG, SIGWINCH,

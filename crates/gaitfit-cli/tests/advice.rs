@@ -19,6 +19,7 @@ fn lines(page: &Path) -> Vec<String> {
     let mut lines = Vec::new();
     for line in text.lines().map(str::trim) {
         if line.starts_with("```") {
+            // A fence ends a block of any language. Only one that names a shell begins a block here.
             inside = !inside && line == "```sh";
         } else if inside {
             lines.push(line.to_owned());

@@ -58,10 +58,12 @@ fn logs_read_back_are_what_the_policy_saw_and_did() {
             }
             let [w, x, y, z]: [f64; 4] = quaternions[4 * row..4 * row + 4].try_into().unwrap();
             let mut observation = turning[3 * row..3 * row + 3].to_vec();
+            // The conjugate turns gravity from the world into the base.
             observation.extend(rotate([w, -x, -y, -z], [0.0, 0.0, -1.0]));
             observation.extend(&commands[3 * row..3 * row + 3]);
             observation.extend((0..12).map(|k| log.position[12 * row + k] - interface.default_pose[k]));
             observation.extend(&log.velocity[joints.clone()]);
+            // Before its first action the policy sees zeros.
             match row {
                 0 => observation.extend([0.0; 12]),
                 _ => observation.extend(&actions[12 * (row - 1)..12 * row]),
@@ -91,6 +93,7 @@ fn shifts_seeds_and_threads() {
     let shifted = collect(folders[3].path(), &["--log-shift", "0.1", "0.1"]);
     for (shifted, plain) in shifted.iter().zip(&plain) {
         assert_eq!(shifted.time[0], 0.0);
+        // A shift of 0.1 s leaves out five rows at 50 Hz.
         assert_eq!(shifted.position[..12 * 15], plain.position[12 * 5..]);
     }
 }

@@ -37,6 +37,7 @@ fn names_of_ignored_tests_begin_with_what_they_need() {
         }
     }
     assert!(wrong.is_empty(), "see CONTRIBUTING.md for the beginnings of names: {wrong:#?}");
+    // If the search breaks, it finds nothing wrong. The count shows that.
     assert!(ignored > 50, "only {ignored} ignored tests were seen");
 }
 
@@ -55,6 +56,7 @@ fn crates_whose_documentation_is_not_tested_have_no_code_in_it() {
             // Other languages are not compiled, and a fence that ends a block names none.
             let other = ["```toml", "```text", "```ignore"];
             let (begun, code) = fences.enumerate().fold((0, 0), |(begun, code), (at, line)| {
+                // Fences come in pairs: one opens a block, the next one ends it.
                 let opens = at % 2 == 0;
                 let compiled = opens && !other.iter().any(|language| line.contains(language));
                 (begun + usize::from(opens), code + usize::from(compiled))

@@ -26,6 +26,7 @@ fn prose(text: &str) -> Vec<String> {
         if line.trim_start().starts_with("```") {
             inside = !inside;
         } else if !inside {
+            // Every second part stands between backticks and is code.
             let parts = line.split('`').enumerate();
             lines.push(parts.filter(|(place, _)| place % 2 == 0).map(|(_, part)| part).collect());
         }
@@ -74,6 +75,7 @@ fn every_link_leads_somewhere() {
         }
     }
     assert!(dead.is_empty(), "dead links: {dead:#?}");
+    // If the search for links breaks, it finds no dead ones. The count shows that.
     assert!(links > 100, "only {links} links were seen");
 }
 

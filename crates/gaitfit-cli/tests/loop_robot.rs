@@ -126,6 +126,7 @@ fn a_program_that_fails_is_named_with_what_it_said() {
 
 /// Waits until a file is there and whole; gives what it holds.
 fn awaited(file: &Path) -> String {
+    // Half a minute in all.
     for _ in 0..600 {
         match fs::read_to_string(file) {
             Ok(text) if text.ends_with('\n') => return text,
@@ -167,6 +168,7 @@ fn a_robots_program_ends_with_the_loop_however_that_ends() {
     std::thread::sleep(Duration::from_secs(1));
     killed.kill().unwrap();
     killed.wait().unwrap();
+    // Signal 0 only asks whether the process is there, here for 15 s at most.
     let gone = (0..300).any(|_| {
         std::thread::sleep(Duration::from_millis(50));
         !signal("0", first.trim())

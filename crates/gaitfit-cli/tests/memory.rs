@@ -39,6 +39,7 @@ fn a_policy_with_a_memory_goes_through_all_commands() {
         json(&output)
     };
     done(&train(whole, 4, &["--threads", "2"]));
+    // Cut in the middle and on another number of threads: neither may change a bit.
     done(&train(parts, 2, &["--threads", "1"]));
     done(&train(parts, 4, &["--resume", "--threads", "1"]));
     let bytes = std::fs::read(policy(whole)).unwrap();

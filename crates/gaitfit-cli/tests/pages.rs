@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 
 /// Where pictures of the pages are kept, to look at them.
 const PICTURES: &str = "GAITFIT_PICTURES";
+// Widths in CSS pixels: of a phone held upright, and of a window at a desk.
 const PHONE: u32 = 390;
 const DESK: u32 = 1440;
 
@@ -157,6 +158,7 @@ fn looks(browser: &mut Browser, what: &str, width: u32, dark: bool) {
     );
     assert_eq!(out, serde_json::json!([]), "{what}: outside the window");
     let background = browser.value("getComputedStyle(document.body).backgroundColor");
+    // The text is `rgb(r, g, b)`. One channel tells a light ground from a dark one.
     let red: u32 = background.as_str().unwrap()[4..].split(',').next().unwrap().parse().unwrap();
     assert_eq!(red < 100, dark, "{what}: {background}");
     assert_eq!(browser.value(FAINT), serde_json::json!([]), "{what}: too faint");
@@ -229,6 +231,7 @@ fn shows(cell: &str, value: &Value, what: &str) {
     let number = cell.split([' ', '%']).next().unwrap();
     let shown: f64 = number.parse().unwrap_or_else(|_| panic!("{what}: `{cell}` begins with no number"));
     let decimals = number.split_once('.').map_or(0, |(_, fraction)| fraction.len() as i32);
+    // Very small and very large numbers are written as 1.2 × 10⁻⁵.
     let power: i32 = match cell.split_once("× 10") {
         None => 0,
         Some((_, power)) => {
@@ -240,6 +243,7 @@ fn shows(cell: &str, value: &Value, what: &str) {
     };
     let scale = 10f64.powi(power);
     let apart = (shown * scale - value).abs();
+    // Half of the last digit, and a little more for the rounding of this comparison.
     assert!(apart <= 0.5001 * scale * 10f64.powi(-decimals), "{what}: {cell}, not {value}");
 }
 

@@ -83,6 +83,7 @@ fn a_missing_gpu_is_a_clear_error() {
         &["evaluate", policy, "--device", "cuda", "--trajectories", "8", "--drift", "0"],
         &["collect", policy, "--device", "cuda", "--trajectories", "8", "--out", &logs],
     ] {
+        // CUDA hides all devices from the first invalid number on.
         let output = program().args(args).env("CUDA_VISIBLE_DEVICES", "-1").output().unwrap();
         assert_eq!(output.status.code(), Some(4), "{args:?}: {}", errors(&output));
         assert!(output.stdout.is_empty());
@@ -106,6 +107,7 @@ fn a_missing_gpu_is_a_clear_error() {
 #[test]
 fn output_that_cannot_be_written_is_an_error() {
     for args in [&["--help"][..], &["adapt", "--help"], &["--version"], &["config"], &["doctor", "--json"]] {
+        // Every write to this device fails as on a full disk.
         let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let output = program().args(args).stdout(full).output().unwrap();
         assert_eq!(output.status.code(), Some(1), "{args:?}");
@@ -116,6 +118,7 @@ fn output_that_cannot_be_written_is_an_error() {
 #[test]
 fn a_reader_that_goes_away_is_no_error() {
     let mut child = program().arg("config").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // The reading end closes, as after `| head`.
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", errors(&output));

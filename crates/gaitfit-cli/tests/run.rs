@@ -32,6 +32,7 @@ fn wait_for_rows(folder: &Path, rows: usize, child: &mut Child) {
     let begin = Instant::now();
     loop {
         let text = std::fs::read_to_string(folder.join("walk.csv")).unwrap_or_default();
+        // A few lines before the rows are comments and the header.
         if text.lines().count() > rows + 5 {
             return;
         }
@@ -167,6 +168,7 @@ fn ends_by(signal: &str, code: Option<i32>) {
     if code.is_some() {
         assert!(errors(&output).contains("damped: the program was asked to end"), "{}", errors(&output));
         let name = format!("(SIG{})", &signal[1..]);
+        // ctrlc does not tell which signal came, so only the others have names.
         assert_eq!(errors(&output).contains(&name), signal != "-INT", "{}", errors(&output));
         let whole = std::fs::read_to_string(out.join("whole.csv")).unwrap();
         assert!(whole.lines().last().unwrap().contains(",damping,"));
@@ -245,6 +247,7 @@ fn keys_of_a_terminal_steer_and_leave_it_as_it_was() {
         std::thread::spawn(move || while echo.read(&mut [0; 256]).is_ok_and(|count| count > 0) {});
         wait_for_rows(&out, 10, &mut child);
         assert!(!flags().0.contains(LocalFlags::ICANON), "keys are read one by one");
+        // Three steps ahead, and one of a turn to the left.
         keys.write_all(b"wwwa").unwrap();
         let begin = Instant::now();
         let walks = || std::fs::read_to_string(out.join("walk.csv")).unwrap().lines().count();
@@ -407,6 +410,7 @@ fn a_folder_that_another_walk_writes_into_is_refused_before_anything_moves() {
     }
     let output = first.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", errors(&output));
+    // Three seconds at 50 Hz; a busy machine leaves some turns out.
     assert!((140..=160).contains(&log(&out).len()), "{} rows", log(&out).len());
 }
 
@@ -415,6 +419,7 @@ fn a_folder_that_another_walk_writes_into_is_refused_before_anything_moves() {
 fn files_without_an_end_are_no_scripts() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
+    // A tebibyte that takes no room on the disk.
     std::fs::File::create(path("sparse.csv")).unwrap().set_len(1 << 40).unwrap();
     assert!(Command::new("mkfifo").arg(path("pipe.csv")).status().unwrap().success());
     let out = path("out").display().to_string();

@@ -195,9 +195,11 @@ fn long_offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
     let report = json(&output);
     let parameters = report["parameters"].as_array().unwrap();
+    // One friction, one mass and twelve encoders.
     assert_eq!(parameters.len(), 14);
     for one in parameters {
         let (name, value) = (one["name"].as_str().unwrap(), one["value"].as_f64().unwrap());
+        // Three encoders have an offset. The others must come out at 0.
         let (wanted, within) = match name.strip_prefix("encoder_bias_") {
             Some(joint) => (offsets.iter().find(|(own, _)| *own == joint).map_or(0.0, |one| one.1), 1e-3),
             None if name == "link_mass_calf" => (1.4, 0.02),

@@ -42,7 +42,9 @@ fn policy() -> Policy {
     let shape = Shape { inputs: 3, hidden: Vec::new(), outputs: joints.len(), activation: Activation::Elu };
     let mut parameters = vec![0.0; shape.parameters()];
     for (joint, name) in joints.iter().enumerate().filter(|(_, name)| name.ends_with("wheel")) {
+        // In a turn to the left the right wheels are faster.
         let side = if name[1..].starts_with('L') { -1.0 } else { 1.0 };
+        // Speed over radius, divided by 10, the action scale of the wheels.
         parameters[joint] = (1.0 / RADIUS_M / 10.0) as f32;
         parameters[2 * joints.len() + joint] = (side * HALF_TRACK_M / RADIUS_M / 10.0) as f32;
     }

@@ -41,6 +41,7 @@ pub fn blank() -> String {
 /// Where the digits are: after the first `before`, which the writer puts there and nowhere else.
 fn place(bytes: &[u8], before: &[u8]) -> Option<Range<usize>> {
     let start = bytes.windows(before.len()).position(|window| window == before)? + before.len();
+    // A file that ends within the digits has no checksum.
     (start + DIGITS <= bytes.len()).then_some(start..start + DIGITS)
 }
 
@@ -48,6 +49,7 @@ fn place(bytes: &[u8], before: &[u8]) -> Option<Range<usize>> {
 fn digest(bytes: &[u8], place: Range<usize>) -> String {
     let mut hash = Sha256::new();
     hash.update(&bytes[..place.start]);
+    // The sum cannot contain itself, so zeros stand in its place, as they did when it was sealed.
     hash.update(blank());
     hash.update(&bytes[place.end..]);
     hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect()

@@ -136,5 +136,6 @@ fn one() -> usize {
 }
 
 fn hundredth() -> f64 {
+    // The eps of rsl_rl's EmpiricalNormalization.
     0.01
 }

@@ -140,6 +140,7 @@ impl Description {
     /// As [`Description::interface`].
     pub fn interface_in(&self, folder: &Path) -> Result<Interface, PolicyError> {
         let joints = self.joints.len();
+        // With this order a term is one block of all its frames. Others put whole observations one after the other.
         let by_term = self.history.order == FrameOrder::Terms;
         let terms = |terms: &[DescribedTerm]| terms.iter().flat_map(|term| term.terms(by_term)).collect();
         let sines = |term: &DescribedTerm| {
@@ -187,6 +188,7 @@ impl Description {
     pub fn load(&self, folder: &Path) -> Result<Policy, PolicyError> {
         let mut interface = self.interface_in(folder)?;
         let std = self.std.unwrap_or(STD);
+        // The policy holds the logarithm, which neither 0 nor a negative number has.
         if !(std > 0.0 && std.is_finite()) {
             return Err(invalid(format!("std is {std}; give a positive number")));
         }
@@ -228,6 +230,7 @@ impl Description {
             }
             _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
         };
+        // Networks have no clip, so the clip of the graph becomes one of the interface.
         let clip = clip.map(|clip| clipped(&mut interface, clip));
         let notes = notes.into_iter().chain(clip).collect();
         let policy = Policy {
@@ -343,6 +346,7 @@ impl Description {
             let both = [&self.normaliser, &self.critic_normaliser];
             both.iter().any(|one| one.as_ref().is_some_and(|one| one.std == name || one.mean == name))
         };
+        // Trainers store the standard deviation of the actions itself or its logarithm.
         let log_std = if tensors.has("log_std") {
             Some(tensors.vector("log_std")?)
         } else if tensors.has("std") && !of_normaliser("std") {
@@ -401,6 +405,7 @@ fn clipped(interface: &mut Interface, clip: Vec<f64>) -> String {
     let clips: Vec<f64> =
         clip.iter().enumerate().map(|(joint, &clip)| clip.min(interface.clip(joint))).collect();
     let shown = match clips[..] {
+        // Equal limits become one number, as a description would state them.
         [first, ref rest @ ..] if rest.iter().all(|&one| one == first) => {
             interface.action_clip = Some(ActionClip::All(first));
             format!("±{first}")

@@ -83,6 +83,7 @@ impl EncoderTensors {
         let home = path.parent().unwrap_or(folder);
         let onnx::Read { memory, network, clip } =
             onnx::read_chain(&bytes(&path)?, home).and_then(|chain| chain.read(None)).map_err(inside)?;
+        // An interface can clip actions, but nothing clips what lies between encoder and actor.
         if clip.is_some() {
             return Err(inside(invalid(
                 "an encoder whose output is clipped is not read; export it without its Clip",
@@ -93,6 +94,7 @@ impl EncoderTensors {
                 "an encoder with recurrent layers is not read; only multilayer perceptrons are",
             )));
         }
+        // The encoder sees all frames. Only what is passed beside it can be cut to the present one.
         let observed = Layout::new(interface, &interface.observation).width();
         if network.shape.inputs != observed {
             let takes = network.shape.inputs;

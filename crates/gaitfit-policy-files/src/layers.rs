@@ -77,6 +77,7 @@ pub(super) fn assemble(
             )));
         }
     }
+    // There is a last layer, so the subtraction does not underflow.
     let hidden = layers[..layers.len() - 1].iter().map(|layer| layer.outputs).collect();
     let shape = Shape { inputs: first.inputs, hidden, outputs: last.outputs, activation };
     let parts = layers.iter().flat_map(|layer| [&layer.weight[..], &layer.bias]);

@@ -29,12 +29,14 @@ pub(super) fn normalised(
             )));
         }
     }
+    // Written with `!`, so that NaN is refused too.
     if let Some(&found) = std.iter().find(|&&std| !(std >= 0.0 && std + names.epsilon > 0.0)) {
         let name = &names.std;
         return Err(invalid(format!(
             "tensor {name} has a standard deviation of {found}; with epsilon it must be above 0"
         )));
     }
+    // Epsilon is added to the deviation and not to the variance, as rsl_rl does it.
     let factor: Vec<f64> = std.iter().map(|std| 1.0 / (std + names.epsilon)).collect();
     let offset: Vec<f64> = mean.iter().zip(&factor).map(|(mean, factor)| -mean * factor).collect();
     let mut layers = take_apart(&network);

@@ -18,6 +18,7 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     match ending(path).as_deref() {
         Some("safetensors") => weights::read(&bytes(path)?).map_err(inside),
         Some("onnx") => onnx_file(path, &bytes(path)?).map_err(inside),
+        // Notes on what was assumed come before those on the weights.
         Some("toml") => {
             let (description, notes) = description(path)?;
             let mut policy = description.load(folder(path)).map_err(inside)?;
@@ -70,6 +71,7 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
         files
             .extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
     }
+    // Collected first, because the loop below adds to the list.
     let graphs: Vec<PathBuf> =
         files.iter().filter(|file| ending(file).as_deref() == Some("onnx")).cloned().collect();
     for graph in graphs {
@@ -113,6 +115,7 @@ fn folder(path: &Path) -> &Path {
 
 /// A policy from an ONNX file alone.
 fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
+    // This program's own metadata come first, because they state everything.
     if let Some(policy) = onnx::read_own(bytes, Some(folder(path)))? {
         return Ok(policy);
     }
@@ -128,6 +131,7 @@ fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
 
 /// Returns the description of an ONNX file by another program, inside or beside it.
 fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
+    // Metadata inside the file belong to it for certain. A file beside it may be of another policy.
     if let Some(known) = onnx::foreign(bytes, Some(folder(path)))? {
         return Ok(Some(known));
     }

@@ -33,6 +33,7 @@ impl<'a> Tensors<'a> {
                 shown(&error.to_string())
             ))
         })?;
+        // After parsing: a file that is cut short is reported as such, and not by its checksum.
         super::weights::check(bytes)?;
         Ok(Self { file, used: BTreeSet::new() })
     }
@@ -83,6 +84,7 @@ impl<'a> Tensors<'a> {
     /// A vector of any length; axes of length 1 are ignored.
     pub fn vector(&mut self, name: &str) -> Result<Vec<f64>, PolicyError> {
         let (shape, values) = self.numbers(name)?;
+        // Trainers save a vector also as a row or a column.
         if shape.iter().filter(|&&length| length != 1).count() > 1 {
             return Err(invalid(format!("tensor {} has shape {shape:?}; a vector is needed", shown(name))));
         }
@@ -103,6 +105,7 @@ impl<'a> Tensors<'a> {
         };
         // Sorted as numbers: layer 10 comes after layer 9.
         let numbers: BTreeSet<usize> = self.file.names().into_iter().filter_map(number).collect();
+        // The error about the first layer also lists the tensors that the file has.
         if numbers.is_empty() {
             let error = self.view(&format!("{prefix}.0.weight")).err();
             return Err(error.unwrap_or_else(|| invalid("it holds no layers")));
@@ -151,6 +154,7 @@ impl<'a> Tensors<'a> {
                     )));
                 };
                 let values: Vec<f32> = values.into_iter().map(|x| x as f32).collect();
+                // PyTorch stores outputs × inputs, the networks here inputs × outputs.
                 Ok((wide, inputs, transpose(&values, wide, inputs)))
             };
             let (wide, inputs, weight_ih) = matrix("weight_ih")?;
@@ -203,6 +207,7 @@ impl<'a> Tensors<'a> {
 
     /// A tensor that was never asked for, if there is one.
     pub fn unused(&self) -> Option<String> {
+        // Sorted below, so that the same file always gives the same message.
         let mut unused: Vec<&str> =
             self.file.names().into_iter().filter(|&name| !self.used.contains(name)).collect();
         unused.sort_unstable();

@@ -146,6 +146,7 @@ fn put_memories(tensors: &mut Vec<NamedTensor>, policy: &Policy) {
 
 fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
+    // A function lives in this process only and has no form in a file.
     policy.refuse_function("a policy's file")?;
     let mut tensors: Vec<NamedTensor> = Vec::new();
     let mut network = |prefix: &str, network: &Network| put_network(&mut tensors, prefix, network);
@@ -177,6 +178,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
     }
     put_memories(&mut tensors, policy);
     tensors.push(("log_std".into(), vec![policy.log_std.len()], Dtype::F32, single(&policy.log_std)));
+    // In double precision, as the policy holds them: the file must give back the same policy.
     for (name, normaliser) in
         [("normaliser", &policy.normaliser), ("critic_normaliser", &policy.critic_normaliser)]
     {
@@ -201,6 +203,7 @@ fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyErr
         provenance: policy.provenance.clone(),
     };
     let header = serde_json::to_string(&header).map_err(|error| invalid(error.to_string()))?;
+    // Views borrow the bytes, so that the weights are not copied a second time.
     let views = tensors.iter().map(|(name, shape, dtype, bytes)| {
         TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
     });
@@ -219,9 +222,11 @@ fn epsilon(policy: &Policy) -> Result<Option<f32>, PolicyError> {
     let networks = [Some(&policy.actor), policy.critic.as_ref(), encoder];
     let mut all = networks.into_iter().flatten().flat_map(|network| network.norms.iter().flatten());
     let first = all.next().map(|norm| norm.epsilon);
+    // The header has one ε for all networks of the policy.
     if all.any(|norm| Some(norm.epsilon) != first) {
         return Err(invalid("its layer norms have different epsilons, which this format cannot say"));
     }
+    // The header has output functions of the actor and of the encoder, but none of the critic.
     if policy.critic.as_ref().is_some_and(|critic| critic.output.is_some()) {
         return Err(invalid("its critic has a function of its output, which this format cannot say"));
     }
@@ -236,6 +241,7 @@ fn epsilon(policy: &Policy) -> Result<Option<f32>, PolicyError> {
 pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     let mut tensors = Tensors::parse(bytes)?;
     let header = header(bytes)?;
+    // `write` leaves ε out where no network has a layer norm, and then this value is not used.
     let epsilon = header.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
     let mut actor = tensors.network("actor", header.activation, epsilon)?;
     actor.output = header.output_activation;
@@ -263,6 +269,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     let log_std = tensors.vector("log_std")?.into_iter().map(|value| value as f32).collect();
     let normaliser = normaliser(&mut tensors, "normaliser")?;
     let critic_normaliser = self::normaliser(&mut tensors, "critic_normaliser")?;
+    // A tensor that nobody reads would be lost without a sign, and a part of the policy with it.
     if let Some(name) = tensors.unused() {
         return Err(invalid(format!("tensor {name} is none of a policy's; export the policy again")));
     }
@@ -297,6 +304,7 @@ pub(super) fn is_sealed(bytes: &[u8]) -> bool {
 /// # Errors
 /// As it says.
 pub(super) fn check(bytes: &[u8]) -> Result<(), PolicyError> {
+    // Files of other programs and of earlier versions have no checksum, so there is nothing to compare.
     if is_sealed(bytes) && !checksum::intact(bytes, BEFORE) { Err(checksum::damaged()) } else { Ok(()) }
 }
 

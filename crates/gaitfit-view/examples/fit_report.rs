@@ -24,6 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn noise(i: usize, stream: usize) -> f64 {
     let mut x =
         (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (stream as u64).wrapping_mul(0xD1B5_4A32_D192_ED03);
+    // Shifts and multiplications mix the bits as in SplitMix64, so that neighbours get unrelated numbers.
     x ^= x >> 29;
     x = x.wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x ^= x >> 32;
@@ -99,6 +100,7 @@ fn parameters() -> Vec<Parameter> {
         ("damping[*_calf]", "N·m·s/rad", 0.291, 0.009, 2.0, Some((0.25, 0.34))),
         ("delay", "s", 0.0102, 0.0001, 0.05, Some((0.008, 0.012))),
         ("torque_scale[*_hip]", "", 0.981, 0.012, 1.1, None),
+        // At its bound and not identified, so that the page shows both marks.
         ("torque_scale[*_calf]", "", 1.1, 0.0004, 1.1, None),
         ("encoder_bias[FL_hip]", "rad", -0.0031, 0.0004, 0.05, None),
         ("encoder_bias[RR_calf]", "rad", 0.0118, 0.0009, 0.05, None),
@@ -133,6 +135,7 @@ fn parameters() -> Vec<Parameter> {
 
 fn comparison(parameters: &[Parameter]) -> Comparison {
     let entry = |(i, p): (usize, &Parameter)| {
+        // One parameter is far off in the second fit, so that one row differs.
         let second = p.value + p.spread * (1.6 * noise(i, 77) + if p.name == "delay" { 30.0 } else { 0.0 });
         ComparisonEntry {
             name: p.name.clone(),
@@ -195,12 +198,14 @@ fn trace(name: &str, j: usize) -> JointTrace {
     let centre = [0.0, 0.9, -1.6][j % 3];
     let time_s: Vec<f64> = (0..SAMPLES).map(|i| i as f64 / RATE).collect();
     let triangle = |t: f64| 2.0 / PI * (2.0 * PI * (0.25 + 0.03 * j as f64) * t).sin().asin();
+    // Targets come at 50 Hz and are held in between, as those of a policy.
     let hold = |t: f64| (t * 50.0).floor() / 50.0;
     let target: Vec<f64> = time_s.iter().map(|t| centre + amplitude * triangle(hold(*t))).collect();
     let follow = |lag: f64, gain: f64, wobble: f64, stream: usize| -> Vec<f64> {
         let mut q = centre;
         (0..SAMPLES)
             .map(|i| {
+                // An Euler step of a lag of first order.
                 q += (centre + gain * (target[i] - centre) - q) / (lag * RATE);
                 q + wobble * (0.6 * (time_s[i] * 5.3 + j as f64).sin() + 0.4 * noise(i, stream))
             })
@@ -219,6 +224,7 @@ fn trace(name: &str, j: usize) -> JointTrace {
 }
 
 fn distributions(trace: &JointTrace) -> [SignalDistribution; 2] {
+    // A difference over eight samples, 40 ms, so that noise does not hide the velocity.
     let velocity = |q: &[f64]| -> Vec<f64> { q.windows(9).map(|w| (w[8] - w[0]) * RATE / 8.0).collect() };
     let JointTrace { joint, measured, nominal, fitted, .. } = trace;
     let position = SignalDistribution::from_samples(joint, Signal::Position, measured, nominal, fitted);

@@ -63,6 +63,7 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
     // A leg has three joints in many robots, so rows of three put one leg into each row.
     let columns = if shown.is_multiple_of(3) { 3 } else { 4.min(shown.max(1)) };
     let rows = shown.div_ceil(columns);
+    // At least two panels wide, so that title and legend have room above a single joint.
     let width = PANEL.0 * columns.max(2) as f64;
     let mut figure = Figure::new(&format!("Log {}", log.title), width, HEADING + PANEL.1 * rows as f64 + 8.0);
     figure.heading(12.0, 22.0, &clean(&log.title));
@@ -152,6 +153,7 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
         ],
         points: POINTS,
     };
+    // Numbers stand to the left of a panel, its title above it, and the seconds below.
     let frame = Frame {
         left: left + 56.0,
         top: top + 24.0,

@@ -119,6 +119,7 @@ fn picture(name: &str) -> LogPicture {
         title: name.into(),
         facts: name.into(),
         time_s: vec![0.0, 0.1, 0.2, 0.3],
+        // More than a picture draws.
         joints: vec![joint; 70],
         marks: vec![LogMark { joints: vec![name.into()], span_s: (0.1, f64::NAN), error: true }],
     }

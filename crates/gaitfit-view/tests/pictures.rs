@@ -73,6 +73,7 @@ fn long_curves_keep_peaks_and_gaps() {
     let curve = with_class(&document, "s c0").into_iter().find(|n| n.has_attribute("data-n")).unwrap();
     assert_eq!(curve.attribute("d").unwrap().matches('M').count(), 2, "the gap divides the curve");
     let mut heights: Vec<f64> = corners(&curve).iter().map(|[_, y]| *y).collect();
+    // SVG counts y downwards, so the peak has the smallest y.
     heights.sort_by(f64::total_cmp);
     assert!(heights[0] < heights[1] - 50.0, "the peak of one sample is drawn: {:?}", &heights[..3]);
 }

@@ -35,6 +35,7 @@ fn ten_seconds_of_a_go2_are_small_and_complete() {
     let data = data(&html);
     let robot = &data["robots"][0];
     assert_eq!(robot["bodies"].as_array().unwrap().len(), 13);
+    // Three shapes of the trunk, and five of each leg.
     assert_eq!(robot["geoms"].as_array().unwrap().len(), 3 + 4 * 5);
     assert_eq!((&robot["frames"], &robot["joints"]), (&Value::from(500), &Value::from(12)));
     assert_eq!(robot["feet"], serde_json::json!(["FL", "FR", "RL", "RR"]));

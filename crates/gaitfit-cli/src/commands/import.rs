@@ -151,6 +151,7 @@ pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, 
     let assumed = model.as_ref().filter(|_| order_is_assumed);
     let (imported, order) = in_order(&[recording.to_owned()], mapping, assumed).map_err(|mut failure| {
         let name = shown_path(recording);
+        // Some errors name the recording already.
         if !failure.message.contains(&name) {
             failure.message = format!("{name}: {}", failure.message);
         }

@@ -100,6 +100,7 @@ impl Converted {
     fn file(&self, recording: &Path) -> PathBuf {
         let name = recording.file_stem().unwrap_or_default().to_string_lossy();
         let mut file = self.folder.join(format!("{name}.csv"));
+        // The first log of a name has no number, so the next one gets 2.
         let mut number = 1;
         while self.logs.contains(&file) {
             number += 1;

@@ -28,8 +28,10 @@ const DRY: &str = "dry-run";
 
 /// Stands the robot up, walks, lies it down.
 pub fn run(args: &Run) -> Result<(), Failure> {
+    // Domain 0 is that of real robots, so another domain has a simulator.
     let simulator = args.robot == RobotKind::Simulated || args.link.domain != 0;
     check(args, simulator)?;
+    // Before anything moves: a signal must stop the robot first, and then the program.
     signals::listen()?;
     let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
     // A run folder has several policies; the person must see which one will walk.
@@ -142,6 +144,7 @@ fn controller<'a>(
 /// Prepares what an armed walk needs: the form of drift trials, or the keyboard. `false` if that failed.
 fn prepared(args: &Run, who: &Who, keys: &mut Option<Keyboard>) -> bool {
     let prepared = match who {
+        // In a dry run nothing moves, so there is no drift for a form.
         Who::Trials(trials) if !args.link.dry_run => trial::write_form(args, trials),
         Who::Keys(steering) => Keyboard::listen(steering.clone()).map(|keyboard| *keys = Some(keyboard)),
         _ => Ok(()),
@@ -321,6 +324,7 @@ fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result
         false => Ok(()),
     };
     if !summary.armed {
+        // A signal before the word is an interruption. Any other text than the word is a refusal.
         return match signals::asked() {
             Some(_) => {
                 Err(Failure { exit: Exit::Interrupted, message: "interrupted; nothing was sent".to_owned() })

@@ -22,12 +22,14 @@ pub fn run(args: &View) -> Result<(), Failure> {
     let from = ("--from", args.from, args.from >= 0.0, "not below 0");
     let seconds = ("--seconds", args.seconds, args.seconds > 0.0, "above 0");
     for (option, value, inside, bound) in [from, seconds] {
+        // NaN fails the comparison above, and infinity the second check.
         if !(inside && value.is_finite()) {
             return Err(Failure::usage(format!("{option} {value}: give a number of seconds, {bound}")));
         }
     }
     let page = match &args.out {
         Some(out) => out.clone(),
+        // Into the current folder: a page beside the log would change a folder of inputs.
         None => PathBuf::from(args.log.file_name().unwrap_or(args.log.as_os_str())).with_extension("html"),
     };
     let inputs = [

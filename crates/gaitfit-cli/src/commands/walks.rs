@@ -144,6 +144,7 @@ fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
         )));
     }
     let sequences = playlist::read(path)?;
+    // As long as the sequences of `gaitfit excite` are by default.
     let seconds = args.seconds.unwrap_or(4.0);
     check_length("--seconds", seconds)?;
     check_count(
@@ -214,6 +215,7 @@ fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
 
 /// The policy's task.
 fn task(args: &Run, policy: &Policy) -> Result<TaskSettings, Failure> {
+    // Only the task is taken from this; nothing is simulated.
     let world = WorldSettings {
         policy: args.policy.clone(),
         robot: None,

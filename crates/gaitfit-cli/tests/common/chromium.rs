@@ -43,6 +43,7 @@ impl Browser {
         let mut child = Command::new("sh")
             .args(["-c", "exec \"$0\" \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1"])
             .arg(installed())
+            // The sandbox refuses to start as root. SwiftShader draws WebGL where there is no GPU.
             .args(["--headless=new", "--no-sandbox", "--no-first-run", "--disable-gpu-compositing"])
             .args(["--enable-unsafe-swiftshader", "--remote-debugging-pipe"])
             .arg(format!("--user-data-dir={}", profile.path().display()))
@@ -57,6 +58,7 @@ impl Browser {
         std::thread::spawn(move || {
             let mut bytes = Vec::new();
             while messages.read_until(0, &mut bytes).is_ok_and(|count| count > 0) {
+                // The zero byte that ends the message.
                 bytes.pop();
                 if send.send(serde_json::from_slice(&bytes).unwrap()).is_err() {
                     break;
@@ -92,6 +94,7 @@ impl Browser {
                 assert!(answer.get("error").is_none(), "{method}: {answer}");
                 return answer["result"].take();
             }
+            // Events may come before the answer.
             self.events.push(answer);
         }
     }
@@ -112,6 +115,7 @@ impl Browser {
         self.events.clear();
         let opened = self.call("Page.navigate", json!({ "url": address(page) }));
         assert!(opened.get("errorText").is_none(), "{}: {opened}", page.display());
+        // The event may have come already, while the answer above was waited for.
         while !self.events.iter().any(|event| event["method"] == "Page.loadEventFired") {
             let event = self.receive("loading");
             self.events.push(event);
@@ -179,6 +183,7 @@ pub fn address(page: &Path) -> String {
 impl Drop for Browser {
     fn drop(&mut self) {
         let _ = self.child.kill();
+        // A killed child stays a zombie until somebody waits for it.
         let _ = self.child.wait();
     }
 }

@@ -57,6 +57,7 @@ pub fn args(folder: &Path, target: &str, more: &[&str]) -> Vec<String> {
     let config = folder.join("l.toml");
     let head =
         format!("policy = {:?}\nruns = {:?}\n", policy().display().to_string(), folder.display().to_string());
+    // In TOML, keys behind the head of a table belong to it, so the first keys must stand before `target`.
     let (top, tables) = SMALL.split_once("[adapt]").unwrap();
     fs::write(&config, format!("{head}{top}{target}\n[adapt]{tables}")).unwrap();
     let mut args = vec!["loop".to_owned(), config.display().to_string(), "--json".to_owned()];

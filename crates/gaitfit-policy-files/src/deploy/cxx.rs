@@ -169,6 +169,7 @@ fn numbers_of(policy: &Policy) -> usize {
 fn two_part(policy: &Policy) -> Option<TwoPart> {
     let Some(Front::Encoder(encoder)) = &policy.front else { return None };
     let (count, code) = (encoder.passed.len(), encoder.network.shape.outputs);
+    // The actor sees the encoder's output before or behind the passed numbers.
     let [code_at, passed_at] = match encoder.latent {
         Latent::First => [0, code],
         Latent::Last => [count, 0],
@@ -187,6 +188,7 @@ fn two_part(policy: &Policy) -> Option<TwoPart> {
 /// The observed quantities that robots do not measure, each once.
 fn unmeasured(layout: &Layout) -> Vec<Member> {
     let seen = |quantity: &&Quantity| layout.slots().iter().any(|slot| slot.quantity == **quantity);
+    // The header cannot fill these from sensors, so its user must, and each becomes a member.
     let simulated = Quantity::ALL.iter().filter(|quantity| quantity.source() == Source::Simulation);
     let member = |quantity: &Quantity| Member {
         what: quantity.doc().split(';').next().unwrap_or_default(),

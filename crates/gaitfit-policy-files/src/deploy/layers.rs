@@ -65,6 +65,7 @@ pub(super) fn perceptron(name: &'static str, network: &Network) -> Perceptron {
             bias: array(&norm.bias),
             epsilon: literal(norm.epsilon),
         }),
+        // Functions are named after their network, because encoder and actor may have different ones.
         function: match (index == last, network.output) {
             (false, _) => Some(format!("{name}_hidden")),
             (true, Some(_)) => Some(format!("{name}_output")),
@@ -98,6 +99,7 @@ pub(super) fn remembering(layer: &RecurrentLayer, gates: usize) -> Remembering {
 
 /// A number with all its bits: the shortest decimal that is read as the same number.
 pub(super) fn literal(value: f32) -> String {
+    // The shortest text that reads back as the same bits. The exponent makes it a floating-point literal.
     format!("{value:e}f")
 }
 
@@ -113,6 +115,7 @@ fn body(function: Activation) -> String {
     match function {
         Activation::Elu => elu(String::new()),
         Activation::EluOf(alpha) => elu(literal(alpha) + " * "),
+        // Written so that NaN stays NaN, as in PyTorch.
         Activation::Relu => "return x < 0.0f ? 0.0f : x;".to_owned(),
         Activation::Tanh => "return tangent(x);".to_owned(),
         Activation::LeakyRelu(slope) => format!("return x > 0.0f ? x : {} * x;", literal(slope)),

@@ -142,6 +142,7 @@ fn efforts(
 /// A number as YAML and C++ read it in double precision: with a point, without an exponent.
 fn number(value: impl Display) -> String {
     let text = value.to_string();
+    // Rust prints no exponent, but whole numbers without a point, which YAML reads as integers.
     if text.contains('.') { text } else { text + ".0" }
 }
 

@@ -73,6 +73,7 @@ pub(super) fn write(policy: &Policy, unsaid: &mut Vec<String>) -> Result<String,
     let (robot, places) = places(interface).unwrap_or_default();
     let place = |name: &str| places.iter().position(|&joint| joint == name);
     let ids: Vec<usize> = interface.joints.iter().filter_map(|name| place(name)).collect();
+    // One gain for each place of the SDK. Places without a motor keep 0.
     let [mut stiffness, mut damping] = [vec![0.0; places.len()], vec![0.0; places.len()]];
     let moved = ids.iter().copied().zip(interface.kp.iter().copied().zip(interface.kd.iter().copied()));
     let held = interface.held.iter().filter_map(|held| Some((place(&held.joint)?, (held.kp, held.kd))));

@@ -33,6 +33,7 @@ pub(crate) fn read(
         return Ok(None);
     };
     let joints = list(joints, "joint_names")?;
+    // Without this the gains and scales could go to the wrong joints.
     if joints.len() != outputs {
         return Err(invalid(format!(
             "its metadata names {} joints, its network gives {outputs} actions: which joints it moves is not known. \
@@ -202,6 +203,7 @@ impl Terms {
         let is_motion = |quantity: Quantity| {
             matches!(quantity, Quantity::ReferenceJointPosition | Quantity::ReferenceJointVelocity)
         };
+        // gaitfit stores each quantity's frames together, so frames that alternate have no place in a description.
         if quantities().zip(histories).any(|(quantity, &length)| is_motion(quantity) && length > 1) {
             return Err(invalid(
                 "its metadata has a history of the motion's command, whose frames hold angles and velocities in turn: this is \

@@ -52,6 +52,7 @@ impl Attributes {
     /// Alpha and gamma of a `Selu` node if they are not those of SELU.
     pub(super) fn other_selu(&self) -> Option<[f32; 2]> {
         let [alpha, gamma] = SELU.map(|value| value as f32);
+        // ONNX's attributes are in single precision, so they are compared in single precision.
         Some([self.number("alpha", alpha), self.number("gamma", gamma)]).filter(|all| *all != [alpha, gamma])
     }
 
@@ -70,6 +71,7 @@ impl Attributes {
             }
             ("value_float", _) => Ok(Constant::scalar(f64::from(attribute.f))),
             ("value_int", _) => Ok(Constant { whole: true, ..Constant::scalar(attribute.i as f64) }),
+            // `wholes` gives the shape of a list; the flag is set back, because these are divided as real numbers.
             ("value_floats", _) => {
                 let values = attribute.floats.iter().map(|&x| f64::from(x)).collect();
                 Ok(Constant { whole: false, ..Constant::wholes(values) })

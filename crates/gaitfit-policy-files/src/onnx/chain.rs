@@ -99,6 +99,7 @@ impl Chain {
                  its factor",
             ));
         }
+        // The clip lies before this operator, so its limits change with the values.
         if let Some(bounds) = &mut self.bounds {
             bounds.scale(&factor, &offset)?;
         }
@@ -184,6 +185,7 @@ impl Chain {
             }
             _ => {}
         }
+        // A `Network` has one function for all its hidden layers.
         if let (Some(last), Some(other)) = (self.last, self.activation)
             && last != other
         {
@@ -264,6 +266,7 @@ impl Chain {
 
     /// Only the numbers `range` of what the last layer gives.
     pub fn select(&mut self, range: Range<usize>) -> Result<(), NodeError> {
+        // A norm mixes all numbers of its row, so a part of what it gives needs all columns of the layer.
         let normed = self.norms.len() == self.layers.len() && self.norms.last().is_some_and(Option::is_some);
         let Some(layer) = self.layers.last_mut().filter(|_| !normed) else {
             return Err(unread("it takes a part of what a memory or a layer norm gives"));
@@ -309,6 +312,8 @@ impl Chain {
                     ));
                 }
             }
+            // A normaliser of another program has no statistics to continue, so it becomes part of the first
+            // weights.
             (Some(before), None) => {
                 let spread = |values: Vec<f64>, inputs: usize| match values[..] {
                     [one] => vec![one; inputs],

@@ -42,6 +42,7 @@ impl Constant {
         let name = shown(&tensor.name);
         let length = |&length: &i64| usize::try_from(length).ok();
         let dims: Option<Vec<usize>> = tensor.dims.iter().map(length).collect();
+        // The shape comes from a file, so its product may overflow.
         let count = dims
             .as_ref()
             .and_then(|dims| dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length)))
@@ -56,6 +57,7 @@ impl Constant {
             FLOAT if raw.is_empty() => (tensor.float_data.iter().map(|&x| f64::from(x)).collect(), 0),
             FLOAT => {
                 let (numbers, rest) = raw.as_chunks();
+                // `rest` has bytes behind the last whole number, which only a damaged tensor has.
                 (numbers.iter().map(|&bytes| f64::from(f32::from_le_bytes(bytes))).collect(), rest.len())
             }
             DOUBLE if raw.is_empty() => (tensor.double_data, 0),
@@ -101,6 +103,7 @@ impl Constant {
 
     /// The numbers, if only the last axis is longer than one, so that they act alike on every row.
     pub fn as_row(&self) -> Option<&[f64]> {
+        // A scalar has no axes and acts like a row of one number.
         let last = self.dims.last().copied().unwrap_or(1);
         (last == self.values.len()).then_some(&self.values[..])
     }
@@ -116,6 +119,7 @@ impl Constant {
             ("Add", [a, b]) => a.zip(b, |a, b| a + b),
             ("Sub", [a, b]) => a.zip(b, |a, b| a - b),
             ("Mul", [a, b]) => a.zip(b, |a, b| a * b),
+            // ONNX rounds quotients of whole numbers towards zero.
             ("Div", [a, b]) if a.whole && b.whole => a.zip(b, |a, b| (a / b).trunc()),
             ("Div", [a, b]) => a.zip(b, |a, b| a / b),
             _ => None,
@@ -161,7 +165,9 @@ pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attribut
             let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
             let stated = attributes.tensor("value");
             let whole = stated.as_ref().is_some_and(|value| value.whole);
+            // ONNX fills with 0 where no value is stated.
             let value = stated.and_then(|value| value.as_scalar()).unwrap_or(0.0);
+            // A few bytes of the file can ask for any length, so the limit is lower than that of stored constants.
             (count <= MAX_FILLED).then(|| Constant { dims, values: vec![value; count], whole })
         }
         ("Range", [start, end, step]) => {

@@ -30,6 +30,7 @@ pub fn decode_message<T: Message + Default>(bytes: &[u8], what: &str) -> Result<
 
 /// Messages, each with an error that says what it was.
 pub fn decode_all<T: Message + Default>(all: &[Vec<u8>], what: &str) -> Result<Vec<T>, PolicyError> {
+    // An entry of two bytes in the file takes far more memory once it is decoded.
     if all.len() > MAX_PARTS {
         return Err(invalid(format!("it has {} {what}s; a policy has at most {MAX_PARTS}", all.len())));
     }

@@ -99,6 +99,7 @@ impl<'a> Beside<'a> {
         let shown_file = shown(&file.display().to_string());
         // All tensors usually lie in one file, at different offsets.
         if !self.files.contains_key(&file) {
+            // Each file stays in memory until the whole graph is read.
             if self.files.len() == MAX_PARTS {
                 return Err(invalid(format!("its tensors lie in more than {MAX_PARTS} files")));
             }

@@ -47,6 +47,7 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
     }
     let mut fused: HashMap<usize, Fused> = HashMap::new();
     for (index, node) in nodes.iter().enumerate() {
+        // SiLU and GELU end with a product, a layer norm with a quotient.
         let one = match node.op_type.as_str() {
             "Mul" => all.silu(node).or_else(|| all.gelu(index)),
             "Div" => all.layer_norm(node),
@@ -116,6 +117,7 @@ impl Nodes<'_> {
     fn silu(&self, node: &Node) -> Option<Fused> {
         let [a, b] = &node.input[..] else { return None };
         [(a, b), (b, a)].into_iter().find_map(|(x, gate)| {
+            // The product commutes, so each factor is tried as the gate.
             let sigmoid = self.made_by(gate, "Sigmoid")?;
             let silu = Fused { operator: "Silu", input: x.clone(), epsilon: None, inner: vec![sigmoid] };
             (self.input(sigmoid, 0) == Some(x)).then_some(silu)
@@ -144,6 +146,7 @@ impl Nodes<'_> {
     /// ½ x (1 + erf(x / √2)), or with ½ x (1 + tanh(√(2/π) (x + 0.044715 x³))).
     fn gelu(&self, index: usize) -> Option<Fused> {
         let mut inner = Vec::new();
+        // Exporters nest the factors ½, x and the sum in different orders, so products of products are opened too.
         let (names, number) = self.factors(index, &mut inner, 2)?;
         let [a, b] = &names[..] else { return None };
         if (number - 0.5).abs() > CLOSE {
@@ -191,6 +194,7 @@ impl Nodes<'_> {
                         }
                         _ => false,
                     };
+                    // Single precision rounds far less than CLOSE.
                     let right = (number - std::f64::consts::FRAC_2_PI.sqrt()).abs() < CLOSE
                         && (factor - 0.044_715).abs() < CLOSE
                         && (first == x || second == x);
@@ -208,6 +212,7 @@ impl Nodes<'_> {
         let root = self.made_by(root, "Sqrt")?;
         let sum = self.made_by(self.input(root, 0)?, "Add")?;
         let [a, b] = &self.nodes[sum].input[..] else { return None };
+        // The sum commutes: ε is on either side.
         let (variance, epsilon) = match (self.scalar(a), self.scalar(b)) {
             (_, Some(epsilon)) => (a, epsilon),
             (Some(epsilon), _) => (b, epsilon),
@@ -237,7 +242,9 @@ impl Nodes<'_> {
             Some(axes) => self.scalar(axes).map(|axis| axis as i64),
             None => attributes.one_of("axes"),
         };
+        // Rows have two axes, robots and numbers, so axis 1 is the last one too.
         let last = matches!(axes, Some(-1 | 1));
+        // Without the kept axis the mean could not be subtracted row by row.
         (last && attributes.integer("keepdims", 1) == 1).then_some(index)
     }
 }

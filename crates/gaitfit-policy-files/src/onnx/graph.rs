@@ -60,6 +60,7 @@ pub fn inlined(bytes: &[u8], folder: Option<&Path>) -> Result<Vec<u8>, PolicyErr
     let mut beside = Beside::new(folder);
     for encoded in &mut graph.initializer {
         let mut tensor: Tensor = decode_message(encoded, "initializer")?;
+        // Tensors inside the file keep their bytes. Only those of other files are encoded again.
         if tensor.data_location != 0 {
             beside.fill(&mut tensor)?;
             (tensor.data_location, tensor.external_data) = (0, Vec::new());
@@ -94,6 +95,7 @@ fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>, i64), PolicyError> {
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
     let sets = decode_all::<OperatorSet>(&model.opset_import, "operator set")?;
+    // A model may import several operator sets. ONNX's own has an empty domain, or this name.
     let onnx = sets.iter().find(|set| matches!(set.domain.as_str(), "" | "ai.onnx"));
     let version = onnx.map_or(LATEST, |set| set.version);
     Ok((decode_message(&graph, "graph")?, model.metadata_props, version))
@@ -111,6 +113,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
         .enumerate()
         .map(|(origin, state)| (state.name.clone(), Remembered { origin, layer: None }))
         .collect();
+    // Only recurrent layers have states, and a state is the one further input that the walk understands.
     if !states.is_empty() && !remembers {
         return Err(invalid(
             "its graph does not have exactly one input: only policies of one observation are read",
@@ -142,6 +145,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             invalid(format!("node {} ({}): {why}", shown(name), shown(&node.op_type)))
         })?;
     }
+    // The output itself may be a part, such as the mean of a row with mean and standard deviation.
     walk.take_part(&output.name)
         .map_err(|why| invalid(format!("its output {}: {why}", shown(&output.name))))?;
     if walk.head != output.name {
@@ -150,6 +154,7 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             shown(&output.name)
         )));
     }
+    // A graph that passes its input on would be a policy without weights.
     if walk.chain.is_empty() {
         return Err(invalid("its graph has no layers"));
     }
@@ -160,6 +165,7 @@ fn last_dimension(value: &ValueInfo) -> Result<Option<usize>, PolicyError> {
     let shape = value.kind.as_ref().and_then(|kind| kind.tensor.as_ref()?.shape.as_ref());
     let Some(last) = shape.and_then(|shape| shape.dim.last()) else { return Ok(None) };
     let last: Dimension = decode_message(last, "input")?;
+    // An axis of length 0 or less is not a width; it counts as one that the file leaves open.
     Ok(last.dim_value.and_then(|width| usize::try_from(width).ok()).filter(|&width| width > 0))
 }
 
@@ -172,6 +178,7 @@ pub(super) fn dimensions(value: &ValueInfo) -> Result<Vec<Option<usize>>, Policy
         let length = dimension.dim_value.and_then(|length| usize::try_from(length).ok());
         Ok(length.filter(|&length| length > 0))
     };
+    // One more than the limit, so that a later check still sees that there are too many.
     shape.dim.iter().take(MAX_AXES + 1).map(length).collect()
 }
 
@@ -260,6 +267,7 @@ impl Walk {
     }
 
     fn keep(&mut self, name: String, constant: Constant) -> Result<(), NodeError> {
+        // A small file can compute large constants from each other. At 8 bytes a number the limit is 256 MiB.
         self.numbers += constant.values.len();
         if self.numbers > MAX_NUMBERS {
             return Err(misfit(format!("the graph's constants have more than {MAX_NUMBERS} numbers")));
@@ -359,6 +367,7 @@ impl Walk {
                     ("Add", _) => self.chain.elementwise(&one, other),
                     ("Mul", _) => self.chain.elementwise(other, &zero),
                     ("Sub", true) => self.chain.elementwise(&one, &inverse("Neg", other)?),
+                    // c − x is x times −1, and then c is added.
                     ("Sub", false) => self.chain.elementwise(&Constant::scalar(-1.0), other),
                     ("Div", true) => self.chain.elementwise(&inverse("Reciprocal", other)?, &zero),
                     _ => Err(unread("it divides by what the layers give")),

@@ -75,6 +75,7 @@ fn before(bytes: &[u8]) -> Option<&[u8]> {
     let starts = bytes.windows(ENCODED_KEY.len()).enumerate().filter(|(_, window)| *window == ENCODED_KEY);
     starts.map(|(start, _)| start).find_map(|start| {
         let length = start + ENCODED_KEY.len();
+        // Between key and JSON stands the length of the JSON, a varint of one to five bytes.
         let end = (length + 1..=length + 5)
             .find(|&end| bytes.get(end..).is_some_and(|rest| rest.starts_with(JSON)))?;
         bytes.get(start..end + JSON.len())
@@ -103,6 +104,7 @@ pub fn is_sealed(metadata: &[Vec<u8>]) -> bool {
 pub fn check(bytes: &[u8], model: &Model) -> Result<(), PolicyError> {
     let sealed = is_sealed(&model.metadata_props);
     let entry = |bytes: &Vec<u8>| Entry::decode(bytes.as_slice()).is_ok_and(|one| one.key == KEY);
+    // Damage can hit the key itself: then other entries are there and this program's own is not.
     let lost = model.producer_name == PRODUCER
         && !model.metadata_props.is_empty()
         && !model.metadata_props.iter().any(entry);

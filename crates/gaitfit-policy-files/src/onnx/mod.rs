@@ -52,6 +52,7 @@ pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Pol
     let Some(header) = metadata::read(&model)? else { return Ok(None) };
     let chain = graph::walk(&model)?;
     let Read { memory, network, clip } = chain.read(header.normaliser.as_ref())?;
+    // This program writes no Clip, so another program changed the graph behind the metadata.
     if clip.is_some() {
         return Err(invalid("its graph clips its outputs; describe it in a TOML file (docs/policies.md)"));
     }
@@ -95,6 +96,7 @@ pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Know
 fn widths(model: &decoded::Decoded) -> Result<Option<[usize; 2]>, PolicyError> {
     match graph::walk(model) {
         Ok(chain) => Ok(chain.inputs().zip(chain.width()).map(|(inputs, outputs)| [inputs, outputs])),
+        // The error of the walk names a node. It is the better one if the graph's ends state no widths either.
         Err(error) => program::stated(model)?.map(Some).ok_or(error),
     }
 }

@@ -106,6 +106,7 @@ fn reshape(constant: &Constant, asked: &[f64]) -> Option<Constant> {
                 open = Some(place);
                 1
             }
+            // In ONNX, 0 keeps the length that the axis had.
             0.0 => *constant.dims.get(place)?,
             length if length > 0.0 => length as usize,
             _ => return None,
@@ -213,6 +214,7 @@ fn expand(constant: &Constant, asked: &[f64], max: usize) -> Option<Constant> {
 pub(super) fn range(start: f64, end: f64, long: usize) -> std::ops::Range<usize> {
     let place = |limit: f64| {
         let limit = if limit < 0.0 { limit + long as f64 } else { limit };
+        // ONNX bounds limits beyond an end: exporters write the largest whole number for "to the end".
         limit.clamp(0.0, long as f64) as usize
     };
     place(start)..place(end)
@@ -227,6 +229,7 @@ fn gather(constant: &Constant, places: &Constant, axis: usize, max: usize) -> Op
     };
     let listed: Vec<usize> = places.values.iter().map(place).collect::<Option<_>>()?;
     let mut rows = taken(constant, axis, &listed, max)?;
+    // A single index takes its axis away, a list of indices keeps it.
     match places.dims.len() {
         0 => {
             rows.dims.remove(axis);
@@ -267,6 +270,7 @@ fn concat(inputs: &[&Constant], axis: usize, max: usize) -> Option<Constant> {
 
 fn transpose(constant: &Constant, order: &[usize]) -> Option<Constant> {
     let many = constant.dims.len();
+    // An order that names an axis twice would take some numbers twice and leave others out.
     let mut sorted = order.to_vec();
     sorted.sort_unstable();
     if sorted != (0..many).collect::<Vec<usize>>() {

@@ -34,6 +34,7 @@ impl Parts {
 
     /// Whether the node works on a part that no output needs; its outputs then are such values too.
     pub fn is_unneeded(&mut self, node: &Node) -> bool {
+        // A node that also serves an output must be read, whatever else it takes.
         let wanted = node.output.iter().any(|name| self.needed.contains(name));
         let cut = |name: &String| self.ranges.contains_key(name) || self.unneeded.contains(name);
         let unneeded = !wanted && node.input.iter().any(cut);
@@ -111,6 +112,7 @@ fn split<'a>(
             let sizes = constant(name).ok_or(NodeError::NotConstant("its sizes are not constants"))?;
             sizes.values.iter().map(|&size| size as usize).collect()
         }
+        // A negative size becomes an empty part, which the caller refuses.
         (None, Some(sizes)) => sizes.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect(),
         // Even parts, the last the rest.
         (None, None) => {
@@ -150,6 +152,7 @@ fn slice<'a>(
     let (Some(start), Some(end)) = (number(1), number(2)) else {
         return Err(unread("its limits are not inputs of it; export with operator set 10 or later"));
     };
+    // ONNX slices the first axis where no axis is given, and that is the axis of robots.
     of_numbers(number(3).transpose()?.map_or(0, |axis| axis as i64))?;
     if number(4).transpose()?.is_some_and(|step| step != 1.0) {
         return Err(unread("it takes steps; only whole parts are read"));

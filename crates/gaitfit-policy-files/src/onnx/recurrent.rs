@@ -112,6 +112,7 @@ impl Walk {
             }
         }
         let expected: Vec<usize> = (0..if cell == Cell::Lstm { 2 } else { 1 }).collect();
+        // In another order an LSTM's cell would be taken as its output.
         if origins != expected {
             return Err(misfit(
                 "its states are not the graph's inputs in their order (h_in, and c_in of an LSTM)",
@@ -179,6 +180,7 @@ pub(super) fn layer_of(
                 constant.dims
             )));
         }
+        // The rows of one gate stand together, so whole blocks are put into PyTorch's order.
         let block = wide / gates * inputs;
         let ordered: Vec<f32> = order
             .iter()
@@ -191,6 +193,7 @@ pub(super) fn layer_of(
     let (_, hidden, weight_hh) = matrix(r)?;
     // ONNX has both biases in one constant: that of the input's product, then that of the output's.
     let biases = match (b, constant(b)) {
+        // A layer without biases leaves the input out.
         (None, _) => vec![0.0; 2 * wide],
         (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),
         _ => return Err(NodeError::NotConstant("its bias is not a constant of both gates' biases")),

@@ -53,6 +53,7 @@ fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
              safetensors (gaitfit export --safetensors)",
         ));
     }
+    // The reader of ONNX files follows one chain of layers, and an encoder makes two paths.
     if let Some(Front::Encoder(_)) = policy.front {
         return Err(invalid(
             "two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",
@@ -138,6 +139,7 @@ fn model(
             let attributes = vec![integer("axis", -1), float("epsilon", norm.epsilon)];
             head = push(&mut nodes, "LayerNormalization", &name, inputs, attributes);
         }
+        // The layers' function stands between layers, not behind the last one.
         let last = index + 1 == layers.len();
         let function = if last { network.output } else { Some(network.shape.activation) };
         if let Some(function) = function {
@@ -229,6 +231,7 @@ fn activate(
 
 /// An end point of `rows` rows, N without a number, of `width` numbers; `before` are the lengths of axes before the rows.
 fn end(name: &str, before: &[usize], width: usize, rows: Option<i64>) -> Vec<u8> {
+    // A named dimension is how ONNX leaves a length open.
     let any = rows.is_none().then(|| "N".to_owned());
     let rows = Dimension { dim_value: rows, dim_param: any };
     let fixed = |length: usize| Dimension { dim_value: Some(length as i64), dim_param: None };

@@ -18,6 +18,7 @@ pub(super) fn remember(
 ) -> String {
     let states = &STATES[..memory.cell.remembered()];
     let count = memory.layers.len();
+    // Constants that name an axis: 0 is that of steps, 1 that of directions.
     for (axis, name) in ["memory.steps", "memory.directions"].into_iter().enumerate() {
         constants.push(whole_numbers(name, &[axis as i64]));
     }
@@ -43,6 +44,7 @@ pub(super) fn remember(
         let operator = match memory.cell {
             Cell::Lstm => "LSTM",
             Cell::Gru => {
+                // As in PyTorch's GRU, the reset gate acts behind the product with the last output.
                 attributes.push(integer("linear_before_reset", 1));
                 "GRU"
             }
@@ -54,6 +56,7 @@ pub(super) fn remember(
         if let Some(node) = nodes.last_mut() {
             node.output.extend(kept.iter().filter_map(|kept| kept.last().cloned()));
         }
+        // ONNX's layers give steps × directions × rows × units, and here is one direction.
         let axes = "memory.directions".to_owned();
         head = push(nodes, "Squeeze", &format!("{name}.direction"), vec![output, axes], Vec::new());
     }

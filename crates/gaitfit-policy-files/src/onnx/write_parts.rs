@@ -39,6 +39,7 @@ pub(super) fn whole_numbers(name: &str, values: &[i64]) -> Vec<u8> {
         dims: vec![values.len() as i64],
         data_type: INT64,
         name: name.to_owned(),
+        // ONNX's raw data are little-endian on every machine.
         raw_data: values.iter().flat_map(|value| value.to_le_bytes()).collect(),
         ..Tensor::default()
     }

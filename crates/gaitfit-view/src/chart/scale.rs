@@ -75,6 +75,7 @@ impl Scale {
         } else {
             (x.clamp(-LARGEST, LARGEST) - self.low) / (self.high - self.low)
         };
+        // A point far outside stays within one length of the axis, so that coordinates stay short.
         self.from + (self.to - self.from) * share.clamp(-1.0, 2.0)
     }
 

@@ -10,6 +10,7 @@ const END: f64 = 98.0;
 /// One bar's picture, its length in proportion to `value` of `largest`; highlighted in the colour of fits. A value that
 /// is not finite has no bar.
 pub(crate) fn bar(value: f64, largest: f64, highlighted: bool) -> String {
+    // From zero, so that the lengths of bars compare.
     let scale = Scale::linear(Some((0.0, largest)), 0.0, END);
     let mut svg = String::from(r#"<svg class="strip bar" width="100%" height="22" aria-hidden="true">"#);
     if value.is_finite() {

@@ -69,6 +69,7 @@ fn picture(drift: &[Drift]) -> Option<String> {
         .flat_map(|(i, trial)| {
             let look = Look::color(i);
             [
+                // The ring is larger than the disc, so that a robot that arrives shows both.
                 Track { points: &trial.intended, look: look.dashed(), radius: 5.0, ring: true },
                 Track { points: &trial.path, look, radius: 4.0, ring: false },
             ]

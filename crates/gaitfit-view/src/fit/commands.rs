@@ -23,6 +23,7 @@ pub(super) fn picture(log: &LogSummary) -> Option<String> {
     if seen.is_empty() || !ranged {
         return None;
     }
+    // User units. The 70 between two views hold the numbers and the title of the next axis.
     let side = 200.0;
     let label = "Commands of the log, two in each view";
     let mut figure = Figure::new(label, 3.0 * (side + 70.0), side + 62.0);

@@ -219,6 +219,7 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     others.retain(|s| value(s).is_finite() || s.cost.is_finite() || !s.name.is_empty());
     others.sort_by(|a, b| descending(value(a), value(b)));
     let mut rows: Vec<ScoreRow> = others.iter().map(|s| row(s, false)).collect();
+    // The others are sorted with the worst first, so the fit stands beside the best of them.
     rows.push(row(&fitted, true));
     rows
 }

@@ -77,6 +77,7 @@ impl SignalDistribution {
 fn quantiles(samples: &[f64]) -> Vec<f64> {
     let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
+    // Without a finite sample there are no quantiles, and no curve is drawn.
     let Some(last) = sorted.len().checked_sub(1) else { return Vec::new() };
     let at = |i: usize| {
         // The first quantile is the smallest sample and the last one the largest. Between them ranks are

@@ -69,6 +69,7 @@ const TIGHT: f64 = 0.05;
 /// Whether friction or a delay is 0 with an interval that excludes more, and is not known to be 0.
 fn wants_nothing(parameter: &Parameter) -> bool {
     let real = ["frictionloss", "delay"].iter().any(|kind| parameter.name.starts_with(kind));
+    // The value is at its lower bound 0, so the upper end alone tells what the logs exclude.
     let tight = |[_, upper]: [f64; 2]| upper < TIGHT * parameter.upper;
     real && parameter.truth != Some(0.0) && parameter.interval.is_some_and(tight)
 }

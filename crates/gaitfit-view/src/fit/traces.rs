@@ -39,6 +39,7 @@ pub(crate) fn worst_window(trace: &JointTrace, seconds: f64) -> Range<usize> {
     let last_time = trace.time_s.last().copied().unwrap_or(0.0);
     // The worst sample in the middle, but for the ends of the log.
     let begin = (trace.time_s[worst] - seconds / 2.0).min(last_time - seconds).max(first_time);
+    // Times ascend, so a binary search finds both ends.
     let from = trace.time_s.partition_point(|t| *t < begin);
     let to = trace.time_s.partition_point(|t| *t <= begin + seconds);
     if from < to { from..to } else { 0..count }
@@ -79,6 +80,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
         points: size.points,
     };
     let mut figure = Figure::new(&format!("{} over time", trace.joint), size.width, size.height);
+    // The title of the lower panel stands between the two.
     let bottom = if simulated { residual_top - 30.0 } else { residual_bottom };
     figure.plot(&upper, Frame { left, top: 24.0, right, bottom });
     if !simulated {

@@ -63,6 +63,7 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
     };
     // One shade scale for the whole table, so that logs and joints compare.
     let all = shown.iter().flat_map(|v| v.rmse_per_joint.iter().map(|(_, rmse)| *rmse));
+    // Without a finite error every cell has shade 0, whatever the scale is.
     let largest = extent(all).map_or(1.0, |(_, high)| high);
     let cell = |rmse: f64| Cell {
         text: significant(rmse, 3),

@@ -111,6 +111,7 @@ fn picture(sets: &[&DriftTrials], commands: &[&str], cast: &Cast) -> Option<Stri
         let points = sets.iter().filter_map(|s| find(s, command)).map(|t| &t.intended);
         // The command leads all policies to the same place, so one of them is enough.
         let points = points.into_iter().find(|points| !points.is_empty())?;
+        // The ring is larger than the discs, so that it shows around a robot that arrives.
         Some(Track { points, look: Look::TARGET.dashed(), radius: 6.0, ring: true })
     });
     let gone = sets.iter().flat_map(|set| {

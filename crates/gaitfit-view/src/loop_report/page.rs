@@ -90,6 +90,7 @@ impl Page {
 
 /// Returns the gain on walks that it did not see of the fit in which the policy was trained; empty beside a doubt.
 fn predicts(report: &LoopReport) -> String {
+    // Without a choice among the rounds the last one counts.
     let round = report.best.map_or(report.rounds.last(), |best| report.rounds.get(best));
     let held = round.and_then(|round| round.held_out.as_ref());
     let gain = held.and_then(held_out::gain).filter(|_| !page::is_severe(&report.doubts));

@@ -77,6 +77,7 @@ fn line(round: &Round, index: usize) -> RoundLine {
 
 /// The last rounds in full, the newest first.
 pub(super) fn sections(report: &LoopReport) -> Vec<RoundSection> {
+    // Older rounds beyond the limit still have their lines in the table.
     let newest = report.rounds.iter().enumerate().rev().take(MAX_ROUNDS);
     newest.map(|(i, round)| section(round, i)).collect()
 }

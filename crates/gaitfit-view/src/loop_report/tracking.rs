@@ -116,6 +116,7 @@ fn differences(report: &LoopReport) -> Vec<DifferenceRow> {
     let row = |one: &Difference| DifferenceRow {
         name: format!("{} − {}", printed(&one.policy, UNKNOWN), printed(&one.against, UNKNOWN)),
         simulator: printed(&one.simulator, UNKNOWN),
+        // The reward has no difference, so it has no column here.
         cells: COLUMNS.iter().filter(|q| q.is_error).map(|q| text((q.difference)(one))).collect(),
         paired: one.paired,
     };

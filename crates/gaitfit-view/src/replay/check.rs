@@ -16,6 +16,7 @@ const TRIANGLES: usize = 20_000;
 const HEIGHTS: usize = 250_000;
 
 pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
+    // Written with `!`, so that NaN is refused too.
     if !(replay.dt.is_finite() && replay.dt > 0.0) {
         return Err(ReplayError::TimeStep { dt: replay.dt });
     }

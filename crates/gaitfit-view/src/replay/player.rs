@@ -34,6 +34,7 @@ impl Player {
         let json = serde_json::to_string(&pack(replay))?;
         Ok(Player {
             robots: replay.robots.iter().map(pane).collect(),
+            // A name could contain `</script>`, which would end the element.
             data: within_script(&json),
             style: include_str!("replay.css"),
             // In this order: later files use names of earlier ones.
@@ -84,6 +85,7 @@ impl Motion {
 }
 
 fn embedded(replay: &Replay) -> Result<Player, ReplayError> {
+    // A report shows numbers first. It holds the beginning of a long replay, so that its file stays small.
     let robots = replay.robots.iter().take(MAX_ROBOTS).map(|robot| {
         // Not a clone of the whole robot, which would copy the frames that are cut off.
         let frames = robot.frames.iter().take(MAX_FRAMES).cloned().collect();

@@ -225,6 +225,7 @@ fn parameters(fits: &[Fit]) -> (Vec<Group>, Vec<ParameterRow>) {
         };
         let marks: Vec<Mark> = estimates.iter().enumerate().filter_map(mark).collect();
         let apart = apart(&estimates);
+        // Nothing is said where fewer than two fits have an interval.
         let text = match apart {
             Some(true) => "differ",
             Some(false) => "agree",
@@ -307,8 +308,10 @@ fn charts(trainings: &[Training]) -> Vec<Chart> {
             .collect();
         let plot = Plot {
             x: Axis { title: "iteration", ticks: 6, ..Axis::default() },
+            // A little room, so that extremes do not lie on the frame.
             y: Axis { title: unit, pad: 0.04, ticks: 5, ..Axis::default() },
             series,
+            // The figure is 560 units wide, so more points would not show.
             points: 500,
         };
         let svg = plot.figure(&format!("{name} over iterations"), 560.0, 300.0)?.inline();

@@ -117,6 +117,7 @@ fn mean_row(results: &[&SeedResult]) -> Row {
 /// The mean of the numbers that are known; NaN if none is.
 fn mean(results: &[&SeedResult], value: fn(&SeedResult) -> f64) -> f64 {
     let known: Vec<f64> = results.iter().map(|r| value(r)).filter(|x| x.is_finite()).collect();
+    // Without a known value this is 0/0, NaN, which is shown as unknown.
     known.iter().sum::<f64>() / known.len() as f64
 }
 

@@ -27,6 +27,7 @@ fn read_classes<'a>(
         let tag = own.entry(child.tag_name().name()).or_default();
         tag.extend(child.attributes().map(|a| (a.name(), a.value())));
     }
+    // After the attributes of this class, because nested classes inherit all of them.
     for child in node.children().filter(|n| n.has_tag_name("default")) {
         read_classes(child, &own, to);
     }
@@ -61,6 +62,7 @@ impl<'a> Reader<'a> {
     }
 
     fn body(&mut self, node: Node<'a, 'a>, parent: Option<usize>, class: &str) {
+        // In MJCF a childclass holds for all bodies below, until another one replaces it.
         let class = node.attribute("childclass").unwrap_or(class);
         let index = self.robot.bodies.len();
         let joint = node.children().find(|n| n.has_tag_name("joint")).map(|n| Joint {
@@ -121,6 +123,7 @@ pub fn robot(name: &str) -> ReplayRobot {
 
 /// Phase of a foot in its stride, 0 … 1; it stands below [`STANCE`].
 fn phase(time: f64, foot: usize) -> f64 {
+    // In a trot diagonal legs step together: FL with RR, FR with RL.
     (time * FREQUENCY + if foot == 0 || foot == 3 { 0.0 } else { 0.5 }).fract()
 }
 
@@ -149,8 +152,10 @@ pub fn trot(name: &str, count: usize, skill: f64) -> ReplayRobot {
             let time = i as f64 * DT;
             let asked = command(time);
             for (v, c) in velocity.iter_mut().zip(asked) {
+                // A lag of first order: 0.08 of the rest in each frame of 20 ms is a time constant of 0.25 s.
                 *v += 0.08 * (skill * c - *v);
             }
+            // The base sways twice a stride, once for each pair of legs.
             let wobble = 0.03 * (TAU * 2.0 * FREQUENCY * time).sin();
             let measured = [velocity[0] + wobble, velocity[1] + 0.5 * wobble, velocity[2] - wobble];
             yaw += velocity[2] * DT;
@@ -161,11 +166,13 @@ pub fn trot(name: &str, count: usize, skill: f64) -> ReplayRobot {
             let joints = (0..4).flat_map(|foot| {
                 let (forward, lift) = foot_path(phase(time, foot));
                 let step = STANCE / FREQUENCY / 2.0;
+                // Left feet have even numbers.
                 let side = if foot % 2 == 0 { 1.0 } else { -1.0 };
                 let along = (velocity[0] - side * velocity[2] * 0.15) * step * forward - 0.02;
                 let across = (velocity[1] + if foot < 2 { 0.2 } else { -0.2 } * velocity[2]) * step * forward;
                 let height = HEIGHT - 0.022 - lift;
                 let reach = (along * along + height * height).sqrt();
+                // Two links of one length: the law of cosines gives the knee, and half of its bend the hip.
                 let knee = (1.0 - reach * reach / (2.0 * LINK * LINK)).clamp(-1.0, 1.0).acos();
                 let hip = -(reach / (2.0 * LINK)).clamp(-1.0, 1.0).acos();
                 let outward = (across / height).atan() + side * 0.05;
@@ -173,6 +180,7 @@ pub fn trot(name: &str, count: usize, skill: f64) -> ReplayRobot {
             });
             Frame {
                 base_position: [x, y, HEIGHT + 0.006 * (TAU * 2.0 * FREQUENCY * time).cos()],
+                // The product of a turn about z (yaw) and one about x (roll).
                 base_quaternion: [
                     half.cos() * lean.cos(),
                     half.cos() * lean.sin(),

@@ -14,6 +14,7 @@ use gaitfit_view::{Link, Setting};
 fn noise(i: usize, stream: usize) -> f64 {
     let mut x = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)
         ^ (stream as u64 + 7).wrapping_mul(0xD1B5_4A32_D192_ED03);
+    // Shifts and multiplications mix the bits as in SplitMix64, so that neighbours get unrelated numbers.
     x ^= x >> 29;
     x = x.wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x ^= x >> 32;
@@ -112,6 +113,7 @@ fn drift() -> Vec<DriftTrials> {
             name: name.into(),
             command,
             trials: 10,
+            // One fall of the worse policy, so that the page has one to show.
             falls: u32::from(skill < 0.9 && k == 3),
             error: [path(200)[0] - intended(200)[0], path(200)[1] - intended(200)[1], side * 2.0],
             ci95: [0.021, 0.034, 0.016],
@@ -128,8 +130,10 @@ fn drift() -> Vec<DriftTrials> {
 }
 
 fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
+    // Only the log of the first round has a gap in its commands.
     let uncovered =
         if index == 0 { vec!["backward walking with a turn to the right".into()] } else { vec![] };
+    // The commands of the gap that the line above names.
     let within = |c: &[f64; 3]| index > 0 || !(c[0] < -0.2 && c[2] < -0.1);
     let command = |i: usize| [0, 1, 2].map(|k| noise(i, 40 + 10 * index + k));
     Round {
@@ -195,6 +199,7 @@ fn fit(index: usize, seeds: usize, generations: usize) -> Fit {
         ("frictionloss_calf", "N·m", 0.106, 0.1, 0.009, 0.5, true),
         ("armature_hip", "kg·m²", 0.0504, 0.05, 0.0021, 0.5, true),
         ("armature_thigh", "kg·m²", 0.0987, 0.1, 0.0034, 0.5, true),
+        // A value that the log does not identify is far from the truth.
         ("armature_calf", "kg·m²", 0.121, 0.075, 0.061, 0.5, false),
         ("delay", "s", 0.0104, 0.01, 0.0004, 0.04, true),
     ];

@@ -40,6 +40,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     let outputs: Vec<Output<'_>> =
         paths.iter().map(|path| Output { path, option: "--out", ending: None }).collect();
     let inputs = [Some(&args.file), args.robot.as_ref(), args.policy.as_ref()];
+    // Before the check, which looks whether the folder of the outputs is there.
     std::fs::create_dir_all(out)
         .map_err(|error| Failure::failed(format!("cannot make {}: {error}", out.display())))?;
     // A file of the robot's in the same folder may have a name of these.

@@ -71,6 +71,7 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
 
 /// An error in a line: a damaged header comes back whole in the parser's message.
 fn brief(error: &Error) -> String {
+    // The error may quote the header of a damaged file, which can be long. Two lines of a terminal are enough.
     const MAX_CHARACTERS: usize = 160;
     if error.kind() == ErrorKind::UnexpectedEof {
         return "the array is cut short".to_owned();

@@ -65,6 +65,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         );
         return Err(Failure { exit: Exit::Check, message });
     }
+    // No log is bad here, so the first one can stand for all.
     let first = summary.logs.first().and_then(|log| read_csv(&log.path, &ReadOptions::default()).ok());
     match first.filter(|_| !args.json) {
         Some(first) => output::next(&[log::next(args, &first)]),

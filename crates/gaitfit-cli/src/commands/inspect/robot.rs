@@ -46,6 +46,7 @@ fn text(summary: &Summary) -> String {
             body.parent.clone().unwrap_or_else(|| "–".to_owned()),
             number(Some(body.mass)),
             body.com.map(|value| format!("{value:.4}")).join(" "),
+            // Inertias of base and feet differ by orders of magnitude, so they have an exponent.
             body.inertia.map(|value| format!("{value:.3e}")).join(" "),
         ]);
     }

@@ -159,6 +159,7 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
             let scatter =
                 estimates.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>()
                     / count;
+            // As for the delay: a deviation near 0 would outweigh the log.
             put(&format!("{kind}_{name}"), mean, scatter.sqrt().max(ROUGH * mean.abs()).max(0.001));
         }
     }

@@ -88,6 +88,7 @@ pub fn run(args: &Preflight) -> Result<(), Failure> {
     let (listened, mut findings) = Listened::new(&heard, others, &robot, simulator);
     let mut mounting = listened.imu.as_ref().and_then(|unit| unit.mounting);
     let mut reports = Vec::new();
+    // A robot that was not heard cannot show how it is turned.
     if args.tilt && !heard.is_empty() {
         let turns = tilt(&mut *link, &mut Beat::default(), &mut ask, &stop).map_err(failed)?;
         let bias = listened.imu.as_ref().map_or([0.0; 3], |unit| unit.gyro_bias.map(|axis| axis.value));

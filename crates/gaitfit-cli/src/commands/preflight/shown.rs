@@ -60,6 +60,7 @@ pub fn text(args: &Preflight, document: &Document) -> String {
         motion(&mut text, moved);
     }
     let _ = writeln!(text, "\n{}: {}", args.out.display(), document.written.join(", "));
+    // A fit needs the log of the motion, and a robot without faults.
     if document.moved.is_some() && document.passed {
         let _ = writeln!(text, "next: gaitfit fit {}", argument(&args.out.join("preflight.toml")));
     } else if document.passed {

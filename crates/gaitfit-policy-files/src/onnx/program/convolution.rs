@@ -47,7 +47,9 @@ impl Program {
         let axes = axes(attributes, lengths, kernels)?;
         let along: Vec<usize> = axes.iter().map(|axis| axis.outputs).collect();
         let places: usize = along.iter().product();
+        // Numbers under the kernel at one place, over the channels of one group.
         let window = each * kernels.iter().product::<usize>();
+        // Channels that one group gives.
         let high = outputs / groups;
         // Checked before tables of this size are made.
         super::shapes::count(&[places, window]).ok_or(misfit("its windows have too many numbers"))?;
@@ -100,6 +102,7 @@ fn axes(attributes: &Attributes, lengths: &[usize], kernels: &[usize]) -> Result
     for axis in 0..many {
         let (length, kernel, stride, dilation) =
             (lengths[axis], kernels[axis], strides[axis], dilations[axis]);
+        // The length that the kernel covers, with the gaps between its numbers.
         let reach = kernel.saturating_sub(1).saturating_mul(dilation).saturating_add(1);
         if kernel == 0 || stride == 0 || dilation == 0 || length == 0 {
             return Err(misfit("its kernel, strides or dilations are zero"));

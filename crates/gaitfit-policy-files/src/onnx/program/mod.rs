@@ -92,6 +92,7 @@ pub fn compile(
     let given = program.values.get(&action).cloned().ok_or_else(|| {
         invalid(format!("its output {} does not depend on the observation", shown(&action)))
     })?;
+    // Axes of length 1 may stand around the action, so numbers are counted and not axes.
     let count: usize = given.dims.iter().product();
     if count != joints {
         return Err(invalid(format!(
@@ -136,6 +137,7 @@ pub fn open_ends(model: &Decoded) -> Result<[Vec<End>; 2], PolicyError> {
     if let Ok(action) = ends::action(model, None, None)
         && let Some(place) = outputs.iter().position(|output| output.name == action)
     {
+        // `stated` takes the first output as the action.
         outputs.swap(0, place);
     }
     Ok([inputs, outputs])
@@ -212,10 +214,12 @@ impl Program {
         } else {
             let place = |key: &str, other: usize| {
                 let place = attributes.integer(key, other as i64);
+                // ONNX counts negative places from the end, and bounds what lies beyond an end.
                 let place = if place < 0 { place.saturating_add(dims.len() as i64) } else { place };
                 place.clamp(0, dims.len() as i64) as usize
             };
             let (start, end) = (place("start", 0), place("end", dims.len()));
+            // An end before the start gives an empty list instead of a panic.
             let part = dims.get(start..end.max(start)).unwrap_or_default();
             Constant::wholes(part.iter().map(|&length| length as f64).collect())
         };
@@ -300,9 +304,11 @@ impl Program {
 
     /// A new value of the shape `dims`.
     fn room(&mut self, dims: &[usize]) -> Result<usize, NodeError> {
+        // `count` refuses what is too large, and the filter what is empty, which leaves nothing to compute.
         let count = shapes::count(dims).filter(|&count| count > 0).ok_or_else(|| {
             misfit(format!("it gives numbers of shape {dims:?}, which is empty or more than {MAX_NUMBERS}"))
         })?;
+        // The limit is for the sum, so that many small values cannot pass it.
         self.numbers = self.numbers.saturating_add(count);
         if self.numbers > MAX_NUMBERS {
             return Err(misfit(format!("the graph's values have more than {MAX_NUMBERS} numbers")));
@@ -313,6 +319,7 @@ impl Program {
 
     /// Counts the multiplications of matrix products.
     fn count_products(&mut self, sizes: &[usize]) -> Result<(), NodeError> {
+        // Sizes come from the file. A product that overflows counts as the largest one, which is refused below.
         let more = sizes.iter().try_fold(1_usize, |all, &size| all.checked_mul(size));
         self.products = self.products.saturating_add(more.unwrap_or(usize::MAX));
         if self.products > MAX_PRODUCTS {

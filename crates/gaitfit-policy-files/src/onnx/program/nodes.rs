@@ -90,6 +90,7 @@ impl Program {
     /// Two inputs, or of some operators any number of them.
     fn binary(&mut self, node: &Node, binary: Binary) -> Result<(), NodeError> {
         let many = node.input.len();
+        // ONNX lets these three take any number of inputs, which are joined one after the other.
         let several = matches!(node.op_type.as_str(), "Max" | "Min" | "Sum");
         if many != 2 && !(several && many > 0) {
             return Err(misfit(format!("it has {many} inputs")));
@@ -155,6 +156,7 @@ impl Program {
             }
             (None, false) => Vec::new(),
         };
+        // Without axes ONNX reduces all of them, unless the node says that it then does nothing.
         if axes.is_empty() && attributes.integer("noop_with_empty_axes", 0) != 0 {
             return self.give(node, 0, input);
         }
@@ -165,6 +167,7 @@ impl Program {
             gone = (first..input.dims.len()).collect();
         }
         let (to, kept) = reduced(&input.dims, &gone);
+        // How many numbers become one.
         let each = input.dims.iter().product::<usize>() / kept.iter().product::<usize>().max(1);
         let mut value = self.step(Operator::Reduce { what, to, each }, &[&input], kept)?;
         // `reduced` keeps the axes as ones; without `keepdims` they go.

@@ -54,6 +54,7 @@ impl Program {
         if b.dims.len() > 1 {
             dims.push(*outer);
         }
+        // A single matrix on one side is multiplied with every matrix of the other side.
         let many = many_a.max(many_b);
         self.count_products(&[many, *rows, *inner, *outer])?;
         let operator = Operator::Products {

@@ -10,6 +10,7 @@ pub(super) const MAX_AXES: usize = 6;
 /// Numbers of a shape; `None` for too many of them or of axes.
 pub(super) fn count(dims: &[usize]) -> Option<usize> {
     let count = dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length))?;
+    // Shapes come from a file, so both limits are checked before memory is taken.
     (dims.len() <= MAX_AXES && count <= MAX_NUMBERS).then_some(count)
 }
 
@@ -29,6 +30,7 @@ pub(super) fn broadcast(all: &[&[usize]]) -> Result<Vec<usize>, NodeError> {
     let many = all.iter().map(|dims| dims.len()).max().unwrap_or(0);
     let mut dims = vec![1; many];
     for one in all {
+        // Shapes are aligned at their last axes, as in NumPy.
         for (to, &length) in dims[many - one.len()..].iter_mut().zip(*one) {
             if *to == 1 {
                 *to = length;
@@ -53,6 +55,7 @@ pub(super) fn reach(from: &[usize], to: &[usize]) -> Reach {
     if count == 1 {
         return Reach::One;
     }
+    // Axes that `from` lacks come first, and their stride is 0: the numbers repeat along them.
     let ahead = to.len() - from.len();
     let mut strides = vec![0; to.len()];
     let mut stride = 1;
@@ -62,6 +65,7 @@ pub(super) fn reach(from: &[usize], to: &[usize]) -> Reach {
         stride *= length;
     }
     let place = |number: usize| {
+        // The last axis varies fastest, so indices are taken off from the back.
         let (mut rest, mut place) = (number, 0);
         for (&length, &stride) in to.iter().zip(&strides).rev() {
             place += rest % length * stride;
