@@ -301,6 +301,7 @@ impl Robot {
         // Second moments about the link origin, turned into central ones at the end.
         for (index, ((body, seat), change)) in model.bodies.iter().zip(seats).zip(changes).enumerate() {
             let (mut mass, mut ipos) = (change.factor * body.mass, change.moved(body.ipos));
+            // Only the base itself gets these; bodies that are welded to it stay as they are.
             if index == 0 {
                 mass += self.base_mass;
                 ipos = add(ipos, self.base_com);

@@ -107,6 +107,7 @@ separate! {
             merge6(&mut step, touching, &before);
             corrected = Some(touching);
         }
+        // Contacts of the root belong to no segment, so their steps are made here.
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
             if tree.free.is_some() {

@@ -281,6 +281,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
     if run == 0 {
         return changed;
     }
+    // With the seed of run 0, a run from the same start with the same population would be its copy.
     changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
     // Saturating: the limit below cuts what is too large.
     let factor = (plan.population_factor as usize).saturating_pow(run);

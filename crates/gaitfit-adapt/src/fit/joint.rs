@@ -72,6 +72,7 @@ pub(super) fn joint(
     let (single, double) = costs.split_at(ones.len());
     let curvature = curvature(around.centre[0].powi(2), single, double, free.len());
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
+    // The search need not end where the slope is 0. What all recordings have of it is taken off below.
     let here = slope(single, 0);
 
     // Where the minimum would lie without each group of recordings: one Newton step from the values.

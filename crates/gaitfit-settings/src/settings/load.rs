@@ -228,6 +228,7 @@ fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'
 fn parse_value(line: &str) -> DeValue<'_> {
     // Shells remove quotes, so a path or name need not have any.
     let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
+    // A value with line breaks could add further keys to the line. It is then a plain string.
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
         Some(value) => value.into_inner(),
         None => DeValue::String(Cow::Borrowed(line.strip_prefix("value = ").unwrap_or(line))),
