@@ -159,6 +159,7 @@ impl Simulator for ReplaySimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
+        // In single precision rounding spoils the derivatives of this preset (see `Dual`).
         let exact = self.replay.options().preset != Preset::Converged;
         let whole = candidate.values.len() == theta.len() && !theta.is_empty();
         // Resets make a new start inside a log, which the engine's derivatives do not follow.

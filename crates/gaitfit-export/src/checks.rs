@@ -75,6 +75,7 @@ pub(super) fn step(given: Option<f64>) -> Result<Option<f64>, Error> {
 
 /// Refuses gains that no controller has.
 pub(super) fn gains(option: &str, gains: &[f64]) -> Result<(), Error> {
+    // NaN lies in no range, so it is refused too.
     let Some(wrong) = gains.iter().find(|gain| !(0.0..=MAX_GAIN).contains(*gain)) else { return Ok(()) };
     Err(Error::settings(format!("{option} {}: give a gain from 0 to {MAX_GAIN:e}", shown_number(*wrong))))
 }

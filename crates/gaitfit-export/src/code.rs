@@ -15,6 +15,7 @@ pub(super) const DRIVE: &str = include_str!("drive.py");
 fn table(joints: &[JointNumbers], number: impl Fn(&JointNumbers) -> f64) -> String {
     let first = joints.first().map_or(0.0, &number);
     if joints.iter().all(|joint| number(joint) == first) {
+        // `{:?}` writes as many digits as Python needs to read the same number.
         return format!("{first:?}");
     }
     let entries: Vec<String> =
@@ -55,6 +56,7 @@ const UNLIMITED: f64 = 1e9;
 
 /// Physics steps of the longest delay.
 fn lag(joints: &[JointNumbers], step: f64) -> usize {
+    // One lag serves all joints.
     let longest = joints.iter().map(|joint| joint.delay).fold(0.0, f64::max);
     if step > 0.0 { (longest / step).round() as usize } else { 0 }
 }
@@ -151,6 +153,7 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
         }
         let same =
             joints.iter().filter(|other| [other.kp, other.kd, other.torque_limit].map(f64::to_bits) == key);
+        // The comma at the end makes a tuple of a single name too.
         let names: String = same.map(|other| format!("{:?}, ", other.name)).collect();
         let limit =
             if joint.torque_limit.is_finite() { format!("{:?}", joint.torque_limit) } else { "None".into() };

@@ -59,6 +59,7 @@ impl Fit {
         let wanted: Vec<usize> =
             (0..model.joints.len()).filter(|joint| logged.contains(&Some(*joint))).collect();
         let (log, _) = log_joints::of_robot(&log, &file, names, model, &wanted).ok()?;
+        // A log may lack joints of the robot. Its gains are those of its own joints.
         Some((spread(&log.gains?, &wanted, model), format!("the log {}", shown_path(&file))))
     }
 

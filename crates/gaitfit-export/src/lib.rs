@@ -185,6 +185,7 @@ fn files_of(
         unit: parameter.unit.clone(),
         interval: parameter.interval,
         identified: parameter.identified,
+        // A torque of a joint without stiffness has no place in the file (`joint::constant_torque_note`).
         in_robot_file: said.contains(&parameter.kind.as_str())
             && !(parameter.kind == "spring_torque" && parameter.joints.iter().any(constant)),
     });

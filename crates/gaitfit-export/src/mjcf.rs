@@ -281,6 +281,7 @@ fn keyframes(
         });
         match controls {
             Some(controls) => edits.set(text, key, "ctrl", &controls.join(" ")),
+            // The file's controls would be wrong targets for the new controllers.
             None => edits.remove(key, "ctrl"),
         }
     }

@@ -42,6 +42,7 @@ fn names(networks: &[SavedNetwork]) -> Vec<String> {
     let mut names: Vec<String> = Vec::with_capacity(networks.len());
     for (number, network) in networks.iter().enumerate() {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
+        // Most file systems take names of 255 bytes at most.
         let mut name: String = network.name.chars().take(100).map(plain).collect();
         // An empty name, or one that is taken, gets the network's number.
         while name.is_empty() || names.contains(&name) {
@@ -85,6 +86,7 @@ impl Parts {
 
     fn onnx(&self, name: &str) -> Result<Vec<u8>, Error> {
         let all = self.layers.iter().flat_map(|(weights, biases)| weights.iter().chain(biases));
+        // The ONNX model is of single precision; the archive keeps double precision.
         let parameters: Vec<f32> = all.map(|weight| *weight as f32).collect();
         let (inputs, outputs) = (LAYERS[0].0, LAYERS[2].1);
         let hidden = vec![LAYERS[0].1, LAYERS[1].1];

@@ -104,6 +104,7 @@ fn shift(text: &str, inertial: Node<'_, '_>, by: [f64; 3], edits: &mut Edits) {
     // Without an origin the centre of mass is the link's own origin, by URDF.
     match inertial.children().find(|child| child.has_tag_name("origin")) {
         Some(origin) => {
+            // An origin may state angles alone. Its place is then 0, by URDF.
             let place = numbers(origin, "xyz").unwrap_or_else(|| vec![0.0; 3]);
             let place: Vec<String> = place.iter().zip(by).map(|(place, by)| number(place + by)).collect();
             edits.set(text, origin, "xyz", &place.join(" "));

@@ -77,6 +77,7 @@ impl Edits {
 
 /// A number as XML has it.
 pub(super) fn number(value: f64) -> String {
+    // The shortest text that reads back as the same number.
     format!("{value:?}")
 }
 
@@ -87,6 +88,7 @@ pub(super) fn numbers(node: Node<'_, '_>, name: &str) -> Option<Vec<f64>> {
 
 /// Parses a robot file that its reader has read already.
 pub(super) fn parse(text: &str) -> Result<roxmltree::Document<'_>, Error> {
+    // Some robot files have a document type, which the parser refuses by default.
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..roxmltree::ParsingOptions::default() };
     roxmltree::Document::parse_with_options(text, options)
         .map_err(|error| Error::failed(format!("the robot's file: {error}")))

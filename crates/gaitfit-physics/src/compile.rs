@@ -233,6 +233,7 @@ fn segment<K>(links: &[Link<K>], coupled: &[RangeInclusive<usize>]) -> (Vec<Segm
     for i in 1..links.len() {
         let parent = links[i].parent;
         // A segment goes on along a chain without branches while there is room for the whole span.
+        // Bodies stand depth first, so the only child of a link has the next number.
         let continues =
             parent > 0 && children[parent] == 1 && segments[home[parent]].len + span(i) <= SEGMENT;
         if continues {

@@ -170,6 +170,7 @@ pub fn constraint_rows(
     work: &mut Work<f64>,
 ) -> Vec<Row> {
     let mut turned = tree.clone();
+    // Aligned pairs have tangents along the world's axes. All others have MuJoCo's.
     for pair in &mut turned.pairs {
         pair.aligned = false;
     }
@@ -179,6 +180,7 @@ pub fn constraint_rows(
     let axes = subspaces(tree, &bodies(tree, params, &state));
     let n = axes.len();
     let first = n - tree.joints();
+    // The columns of the floating base come before those of the joints.
     let unit = |j: usize, sign: f64| {
         let mut row = vec![0.0; n];
         row[first + j] = sign;
@@ -197,11 +199,13 @@ pub fn constraint_rows(
         for dof in 0..6 {
             let mut jacobian = vec![0.0; n];
             jacobian[dof] = 1.0;
+            // Rows begin with translation and the work begins with rotation, so the two parts change places.
             let (part, axis) = (1 - dof / 3, dof % 3);
             let d = each.friction_d[part];
             rows.push(Row {
                 kind: RowKind::Free(dof),
                 jacobian,
+                // The bias of friction rows is minus D times aref; that of limits is minus aref.
                 aref: -each.friction_bias[part][axis] / d,
                 d,
             });

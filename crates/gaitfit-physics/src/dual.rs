@@ -130,11 +130,13 @@ impl<T: Real> Real for Dual<T> {
     }
     #[inline(always)]
     fn max(self, b: Self) -> Self {
+        // Where both are equal, the derivative is that of `b`, as in `min`.
         let tangent = T::select_lt(b.value, self.value, self.tangent, b.tangent);
         Self { value: self.value.max(b.value), tangent }
     }
     #[inline(always)]
     fn abs(self) -> Self {
+        // At 0 the derivative is that of the positive side.
         let tangent = T::select_lt(self.value, T::zero(), -self.tangent, self.tangent);
         Self { value: self.value.abs(), tangent }
     }
@@ -160,6 +162,7 @@ impl<T: Real> Real for Dual<T> {
     }
     #[inline(always)]
     fn unless_zero(self) -> T::Guard {
+        // This sum is 0 only where the value and its derivative are both 0.
         (self.value.abs() + self.tangent.abs()).unless_zero()
     }
     #[inline(always)]

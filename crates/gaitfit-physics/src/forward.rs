@@ -91,11 +91,13 @@ pub fn state_from(tree: &Tree<f64>, qpos: &[f64], qvel: &[f64]) -> Result<State<
             return Err(PhysicsError::Length { what, found, expected });
         }
     }
+    // The accelerations stay 0, so the solver begins without a warm start.
     let mut state = State::<f64>::new(tree);
     let (mut p, mut v) = (0, 0);
     if tree.floating {
         state.base_position = [qpos[0], qpos[1], qpos[2]];
         let norm = qpos[3..7].iter().map(|x| x * x).sum::<f64>().sqrt();
+        // The condition is negated so that it refuses NaN too.
         if !(norm > 0.0 && norm.is_finite()) {
             return Err(PhysicsError::Value {
                 object: "qpos".to_owned(),

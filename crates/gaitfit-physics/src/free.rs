@@ -64,6 +64,7 @@ pub(crate) fn prepare<T: Real>(tree: &Tree<T::K>, params: &Params<T>, state: &St
     let scratch = &mut work.free[0];
     scratch.implicit = implicit;
     let weight = T::k(free.friction_weight);
+    // The parameters begin with translation, and the work begins with rotation.
     scratch.friction_d = [params.free[1] * weight, params.free[0] * weight];
     let b = T::k(free.friction_b);
     let rates: V6<T> = [state.base_angular, state.base_linear];

@@ -46,6 +46,7 @@ impl<K> Obstacles<K> {
                     all.fields.push(Field {
                         rotation,
                         position,
+                        // The origin of a field is in the middle of its grid.
                         corner: field.half_size.map(|half| T::constant(-half)),
                         step: steps.map(T::constant),
                         per_step: steps.map(|step| T::constant(1.0 / step)),

@@ -68,6 +68,7 @@ pub fn carried<'a, T: Real>(
         }
     });
     work.visit_mut(tree, |slot, number| {
+        // These are the numbers that the solver's `advance` changes for the next iteration.
         if matches!(slot.name, "wrench" | "residual") {
             all.push(number);
         }

@@ -206,6 +206,7 @@ macro_rules! scalar {
             }
             #[inline(always)]
             fn gather(table: &[$t], index: $t) -> $t {
+                // Beyond its end a table has zeros, also for lanes and in recordings.
                 table.get(index as usize).copied().unwrap_or(0.0)
             }
             branching_guards!(|a: $t, b: $t| a >= b);

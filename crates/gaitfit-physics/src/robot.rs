@@ -138,6 +138,7 @@ impl Robot {
                 return Err(PhysicsError::Length { what, found: values.len(), expected: n });
             }
             for (value, joint) in values.iter().zip(&model.joints) {
+                // NaN is below no bound, so it is asked for by itself.
                 if value.is_nan() || *value < least {
                     return Err(PhysicsError::Value {
                         object: format!("joint `{}`", joint.name),
@@ -254,6 +255,7 @@ impl Robot {
             let (translation, rotation) = (first[0] + second[0], first[1] + second[1]);
             pairs.push(PairInvweight { translation, rotation });
         }
+        // The step takes inertias. MuJoCo's `invweight0` are their reciprocals.
         let joints =
             weights.joints.iter().enumerate().map(|(j, weight)| self.joint_params(j, 1.0 / weight)).collect();
         let free = match model.free_joint {
@@ -271,6 +273,7 @@ impl Robot {
         let none = BodyChange { factor: 1.0, shift: [0.0; 3] };
         let mut changes = vec![none; model.bodies.len()];
         for (j, (joint, side)) in model.joints.iter().zip(sides(model)).enumerate() {
+            // Joint j moves link j + 1; link 0 is the root.
             let factor = self.link_mass[j];
             let shift = [self.link_com_x[j], side * self.link_com_y[j], self.link_com_z[j]];
             // The shift is in the axes of the joint's body; every body welded to it takes the same shift in
@@ -298,6 +301,7 @@ impl Robot {
         // Second moments about the link origin, turned into central ones at the end.
         for (index, ((body, seat), change)) in model.bodies.iter().zip(seats).zip(changes).enumerate() {
             let (mut mass, mut ipos) = (change.factor * body.mass, change.moved(body.ipos));
+            // Only the base itself gets these; bodies that are welded to it stay as they are.
             if index == 0 {
                 mass += self.base_mass;
                 ipos = add(ipos, self.base_com);
@@ -307,6 +311,7 @@ impl Robot {
             put(&mut links[seat.link], mass, com, &inertia);
             if index == 0 && self.payload_mass != 0.0 {
                 let place = add(seat.position, rotate(&seat.rotation, self.payload_position));
+                // A point has no inertia about itself.
                 put(&mut links[seat.link], self.payload_mass, place, &[0.0; 6]);
             }
         }

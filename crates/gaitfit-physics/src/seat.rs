@@ -109,5 +109,6 @@ pub(crate) fn sides(model: &Model) -> Vec<f64> {
         Root::Fixed => (base.pos, quat_matrix(&base.quat)),
     };
     let left = |position: V3<f64>| rotate_back(&axes, sub(position, place))[1];
+    // A joint within 1 mm of the middle counts as left, so that rounding does not choose its side.
     poses[1..].iter().map(|(position, _)| if left(*position) < -1e-3 { -1.0 } else { 1.0 }).collect()
 }

@@ -61,6 +61,7 @@ impl<T: Real> Block<T> {
         wrench: V6<T>,
     ) {
         for k in 0..N {
+            // Joints further out than the member do not move what it carries.
             if k <= member {
                 let force = inertia.mul(axis[k]);
                 self.f[k] = add6(self.f[k], force);
@@ -198,6 +199,7 @@ fn joint_rows<T: Real, const N: usize>(
     for k in 0..N {
         (curvatures[k], rows[k]) = joint_row(&mut joints[k], limited[k], accelerations[k]);
     }
+    // The integrator's matrix M + h·B has the dampers' curvature in place of the rows'.
     if !hessian {
         for k in 0..N {
             curvatures[k] = joints[k].implicit;
@@ -214,6 +216,7 @@ pub(crate) fn joint_row<T: Real>(joint: &mut JointWork<T>, limited: T::Guard, qa
     let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
     let mut row = slip.clamp_abs(loss);
+    // Beyond the loss the friction is constant, so it has no curvature there.
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
     if T::enter(limited) {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);

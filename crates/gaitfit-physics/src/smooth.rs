@@ -98,6 +98,7 @@ fn walk<T: Real, const N: usize>(pass: &Pass<'_, T>, index: usize, work: &mut Wo
     work.segments[index].axis[0] = axis;
     let inner = inertial(&pass.params.links[first], &motion);
     touch(pass, first, &motion, work);
+    // In shorter segments nothing reads the values of the links that they lack.
     let (mut middle, mut outer) = (inner, inner);
     if N > 1 {
         let axis;
@@ -372,6 +373,7 @@ fn joint_rows<T: Real>(
 
     out.friction_d = p.weight * T::k(link.friction_weight);
     out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);
+    // Behind a gear dry friction acts on the rotor and not on the link.
     out.frictionloss = if drive.gear.is_some() { z } else { dry_friction(p, qd, drive.torque) };
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);

@@ -64,6 +64,7 @@ pub(crate) fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f
     // MuJoCo bounds the time constant by its own timestep, which is the emulated one where a step emulates
     // another.
     let (k, b) = mujoco_reference(solref, dmax, settings.emulated_step.unwrap_or(settings.timestep));
+    // A row reads the velocity v + lead · a. Solved for a, this divides k and b by the gain.
     let gain = 1.0 + b * settings.lead();
     (k / gain, b / gain, gain)
 }

@@ -36,6 +36,7 @@ pub(crate) fn iterate<T: Real>(tree: &Tree<T::K>, last: bool, state: &mut State<
     // Implicit damping solves once more with the residuals, so its last iteration leaves them behind.
     let last = last && tree.settings.damping != Damping::Implicit;
     let search = tree.settings.line_search > 0;
+    // Slopes serve the line search, and steps of the residuals serve the next iteration.
     let wanted = if last && !search { Wanted::Step } else { Wanted::Everything };
     let smooth = direction(tree, true, wanted, state, work);
     let mut alpha = T::lit(1.0);
@@ -65,6 +66,7 @@ separate! {
         work: &mut Work<T>,
     ) -> (T, T) {
         for node in &mut work.nodes {
+            // Each iteration builds the Hessian anew: which rows act depends on the accelerations.
             node.inertia = Articulated::from_rigid(&node.rigid);
             node.residual = node.wrench;
         }
@@ -105,6 +107,7 @@ separate! {
             merge6(&mut step, touching, &before);
             corrected = Some(touching);
         }
+        // Contacts of the root belong to no segment, so their steps are made here.
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
             if tree.free.is_some() {
@@ -284,6 +287,7 @@ separate! {
         let z = T::zero();
         let mut alpha = T::lit(1.0);
         let mut lower = z;
+        // The full Newton step is 1. The search never goes farther than this many steps; the next iteration can.
         let farthest = T::lit(16.0);
         let mut upper = farthest;
         // Twice the farthest place, so that the first move does not count as slow.
@@ -348,6 +352,7 @@ fn rows_along<T: Real>(
         g.1 = curve.fma(step, g.1);
         if T::enter(limited) {
             let before = g;
+            // A limit only pushes: where its row is positive it adds neither force nor curvature.
             let gap = joint.limit_sign.fma(a, joint.limit_bias);
             let curve = T::select_lt(gap, z, joint.limit_d * step, z);
             g.0 = (joint.limit_sign * curve).fma(gap, g.0);
@@ -412,6 +417,7 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
         *qacc = alpha.fma(joint.step, *qacc);
     }
     if last {
+        // Only a further iteration reads the residuals, so their update is saved here.
         return;
     }
     for node in &mut work.nodes {

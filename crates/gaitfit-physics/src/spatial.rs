@@ -223,6 +223,7 @@ fn sym_inverse<T: Real>(s: &Sym3<T>) -> Sym3<T> {
     let c0 = yz.fnma(yz, yy * zz);
     let c3 = xy.fnma(zz, xz * yz);
     let c4 = xz.fnma(yy, xy * yz);
+    // The determinant of a positive definite matrix is above 0, as `recip` needs it.
     let by = xx.fma(c0, xy.fma(c3, xz * c4)).recip();
     [
         by * c0,

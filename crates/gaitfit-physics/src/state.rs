@@ -249,6 +249,7 @@ macro_rules! work_numbers {
         }
         for (each, segment) in ($($reference)+ $work.segments).into_iter().zip(&$tree.segments) {
             // What belongs to several joints goes by the first.
+            // Link 0 is the root, which no joint moves, so joint i − 1 moves link i.
             let joint = |name| Slot::new(Owner::Joint(segment.first - 1), name);
             let count = segment.len;
             let axis = ($($reference)+ each.axis).into_iter().take(count).flatten().flatten();
@@ -302,8 +303,10 @@ macro_rules! work_numbers {
         // Of each pair: its points' numbers in a row.
         let owners = $tree.pairs.iter().enumerate();
         let owners = owners.flat_map(|(p, pair)| (0..pair.points.len()).map(move |k| (p, k, pair.condim)));
+        // Only points with spin have an entry here, so it goes on separately from the points.
         let mut spins = ($($reference)+ $work.spins).into_iter();
         for (each, (p, k, condim)) in ($($reference)+ $work.points).into_iter().zip(owners) {
+            // All points of a pair share the pair's names, so the numbers of point k begin at k widths.
             let point = |name, width| Slot { index: k * width, ..Slot::new(Owner::Pair(p), name) };
             let parts = if condim > 3 { 2 } else { 1 };
             all(&mut $visit, point("point", 3), $($reference)+ each.x);
@@ -405,6 +408,7 @@ impl<T: Real> Work<T> {
             segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
             couplings: vec![CouplingWork::zero(); tree.couplings.len()],
+            // No guard is active until the first step computes it.
             limited: vec![T::never(); tree.joints()],
             free: vec![FreeWork::zero(); usize::from(tree.free.is_some())],
             displacements: vec![(z, z); tree.joints()],

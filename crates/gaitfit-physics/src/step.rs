@@ -115,6 +115,7 @@ pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
     phase::begin(p);
     for substep in 0..p.substeps {
         let all = p.disturbance;
+        // An empty list means that nothing disturbs; there is no row to cut from it.
         let disturbance = if all.is_empty() { all } else { &all[substep * n..][..n] };
         phase::before(p, T::lit(substep as f64), disturbance);
         for turn in 0..iterations {

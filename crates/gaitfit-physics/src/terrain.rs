@@ -87,6 +87,7 @@ impl<K: Copy> Block<K> {
     pub fn at_least<T: Real<K = K>>(&self, x: V3<T>) -> T {
         let c = local::<T>(&self.rotation, &self.position, x);
         let over: V3<T> = each3!(i => c[i].abs() - T::k(self.half[i]));
+        // How far a point is beyond the sides of one axis is never more than its distance.
         over[0].max(over[1]).max(over[2])
     }
 
@@ -189,6 +190,7 @@ impl<K: Copy> Field<K> {
     /// surface within half a cell is in them. Below the surface, the triangle above counts as a plane.
     #[inline(always)]
     pub fn nearest<T: Real<K = K>>(&self, x: V3<T>) -> Nearest<T> {
+        // The field's address names it, so that a recording holds these operations once for all points.
         let key = std::ptr::from_ref(self) as usize;
         let [distance, x, y, z] = T::call(key, x, |x| {
             let Nearest { distance, normal: [x, y, z] } = self.nearest_inline(x);

@@ -201,6 +201,7 @@ impl Cma {
             *path = (1.0 - c_sigma) * *path + gain * value;
         }
         let norm = squared_norm(&state.p_sigma).sqrt();
+        // A path longer than that of random steps (χ_n) lets σ grow. The bound keeps σ finite.
         state.sigma = (state.sigma * (c_sigma / d_sigma * (norm / chi_n - 1.0)).exp()).min(SIGMA_MAX);
 
         // Covariance matrix adaptation. h_σ stalls the rank-one path while σ grows fast (page 28).
@@ -219,6 +220,7 @@ impl Cma {
                 if *weight >= 0.0 {
                     return *weight;
                 }
+                // EPS avoids a division by 0 for a candidate at the mean.
                 weight * n as f64 / (squared_norm(&state.covariance.inverse_root_times(step)) + EPS) // eq. 46
             })
             .collect();
@@ -306,6 +308,7 @@ fn reflect(x: f64, lower: f64, upper: f64) -> f64 {
         }
         // With a single bound one mirroring is enough.
         (true, false) => lower + (lower - x),
+        // Without any bound `x` was returned above, so the upper bound is finite here.
         _ => upper - (x - upper),
     }
 }

@@ -82,6 +82,7 @@ impl Constants {
             c_sigma,
             d_sigma: damping(n, mu_eff, c_sigma),
             chi_n: chi(n),
+            // C changes little in so many generations (tutorial, appendix B.2).
             decompose_every: (1.0 / (10.0 * n * (c1 + cmu))).max(1.0) as u32,
         }
     }
@@ -100,6 +101,7 @@ impl Constants {
         let c1 = ALPHA_COV / ((n + 1.3).powi(2) + mu_eff);
         let cmu_full = 2.0 / mu_eff / (n + std::f64::consts::SQRT_2).powi(2)
             + (1.0 - 1.0 / mu_eff) * ((2.0 * mu_eff - 1.0) / ((n + 2.0).powi(2) + mu_eff)).min(1.0);
+        // A diagonal has fewer numbers to learn, so it is learnt faster by (n + 2)/3 (Ros and Hansen 2008).
         let cmu = ((n + 2.0) / 3.0 * cmu_full).min(1.0 - c1);
         let c_sigma = (mu_eff + 2.0) / (n + mu_eff + 3.0);
         let cc = 4.0 / (n + 4.0);

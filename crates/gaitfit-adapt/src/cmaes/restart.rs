@@ -121,11 +121,13 @@ impl Search {
         }
         // The state of a search that is complete is that of its last run.
         let run = if complete { ended.saturating_sub(1) } else { ended } as u32;
+        // The cast above is exact: `ended` is at most `plan.runs`, which has 32 bits.
         let current = Cma::resume(run_settings(&settings, plan, run), state.current)?;
         let limit = settings.tolerances.max_generations.unwrap_or(u32::MAX);
         // A run was cut if it ended at its limit of generations and the limit is higher now.
         let cut = |run: &RunSummary| run.stop == StopReason::MaxGenerations && run.generations < limit;
         if complete && finished.last().is_some_and(cut) {
+            // The run goes on from its state, which `current` still holds.
             finished.pop();
             complete = false;
         }
@@ -201,6 +203,7 @@ impl Search {
             mean: self.current.mean(),
             deviations: self.current.deviations(),
         });
+        // After the last run `current` stays that run, so that its state can still be saved.
         if !self.is_finished() {
             self.current = Cma::new(run_settings(&self.settings, self.plan, self.finished.len() as u32))?;
         }
@@ -278,6 +281,7 @@ fn run_settings(settings: &Settings, plan: RestartPlan, run: u32) -> Settings {
     if run == 0 {
         return changed;
     }
+    // With the seed of run 0, a run from the same start with the same population would be its copy.
     changed.seed = derive_seed(settings.seed, Purpose::RESTART, run);
     // Saturating: the limit below cuts what is too large.
     let factor = (plan.population_factor as usize).saturating_pow(run);

@@ -70,11 +70,13 @@ impl Settings {
         Self {
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],
+            // `deviation` has the scale of each coordinate already.
             sigma: 1.0,
             bound_handling: BoundHandling::Resample,
             covariance: CovarianceKind::Full,
             population: default_population(n),
             seed,
+            // As the `cmaes` package.
             max_resampling: 100,
             tolerances: Tolerances::default(),
             start,

@@ -54,6 +54,7 @@ impl State {
             p_sigma: vec![0.0; n],
             p_c: vec![0.0; n],
             covariance: Covariance::identity(settings.covariance, n),
+            // Zeros until the ring is full. No criterion reads it before.
             history: vec![[0.0; 2]; history_length(n, settings.population)],
             best: None,
             numerical_failure: false,

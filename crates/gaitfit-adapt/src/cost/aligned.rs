@@ -88,8 +88,10 @@ pub(crate) fn squared_differences(a: &[f32], b: &[f64], width: usize) -> Vec<f64
 
 fn sum_differences(a: &[f32], b: &[f64], width: usize, of: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut sums = vec![0.0; width];
+    // A fall makes `a` shorter, and `zip` ends there. The samples that it lost are charged at the end.
     for (row_a, row_b) in a.chunks_exact(width).zip(b.chunks_exact(width)) {
         for ((sum, x), y) in sums.iter_mut().zip(row_a).zip(row_b) {
+            // Sums of many samples would lose digits in single precision.
             *sum += of(f64::from(*x) - y);
         }
     }

@@ -69,6 +69,7 @@ impl<'a> Differences<'a> {
             let joints = signal.width(reference.joints().len());
             let measured = reference.recording(signal, recording).unwrap_or_default();
             let counted = reference.checked(signal, recording, &simulated)?;
+            // Rows are compared by their numbers, so both sides must have the same samples.
             if counted.matrix.len() + counted.lost * joints != measured.len() {
                 return Err(CostError::Shape {
                     signal,

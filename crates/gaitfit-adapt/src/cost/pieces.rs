@@ -57,6 +57,7 @@ pub(super) fn distances(
     // Only losses beyond the real robot's count: a simulated robot that falls as often as the real one is right.
     let share = (lost as f64 / (lost + kept) as f64 - reference.lost_by_robot()).max(0.0);
     let mut number = |signal: Signal, column: usize, scale: f64| {
+        // Without samples there is no distance, and everything is lost.
         if kept == 0 {
             return LOST;
         }
@@ -85,6 +86,7 @@ pub(super) fn squares(
     [lost, counted]: [usize; 2],
     mut sum: impl FnMut(Signal, usize) -> f64,
 ) -> Breakdown {
+    // Sums are of squares, so a lost sample counts with its square.
     let lost = lost as f64 * (LOST * LOST);
     let groups = weights.signals().map(|signal| {
         let dimensions = reference.dimensions(signal).unwrap_or_default().iter().enumerate();

@@ -88,6 +88,7 @@ impl Pools<'_> {
             // A fall takes the same samples of every signal, so they are counted once for all.
             lost = counted.lost;
             for (joint, pool) in joints.iter_mut().enumerate() {
+                // Samples are kept as integers of the same order, which the radix sort takes as they are.
                 pool.extend(counted.matrix.iter().skip(joint).step_by(width).map(|value| key(*value)));
             }
         }
@@ -119,6 +120,7 @@ impl Pools<'_> {
 impl Accumulator for Pools<'_> {
     /// Any number of recordings of any length may be pooled; `recording` serves error messages only.
     fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
+        // The accumulator is used again, and half a candidate must not stay in its pools.
         self.pool(recording, simulated).inspect_err(|_| self.clear())
     }
 

@@ -124,6 +124,7 @@ fn merge(n: usize, a: impl Fn(usize) -> f64, b: &[f64]) -> f64 {
         return ((sums[0] + sums[1]) + (sums[2] + sums[3])) / n as f64;
     }
     // t runs over 0..n·m; a's step i ends at (i + 1)·m and b's step j at (j + 1)·n.
+    // The product of two counts of samples can need more than 32 bits.
     let (n_wide, m_wide) = (n as u64, b.len() as u64);
     let (mut i, mut j, mut t, mut sum) = (0, 0, 0_u64, 0.0);
     // Both quantile functions are staircases. Between two ends of steps their distance is constant.
@@ -132,6 +133,7 @@ fn merge(n: usize, a: impl Fn(usize) -> f64, b: &[f64]) -> f64 {
         let end = end_a.min(end_b);
         sum += (end - t) as f64 * (a(i) - b[j]).abs();
         t = end;
+        // Where two steps end together, both indices advance, so that no empty piece is left.
         let (step_a, step_b) = (u64::from(end_a == end), u64::from(end_b == end));
         i += step_a as usize;
         j += step_b as usize;

@@ -43,6 +43,7 @@ pub fn compare(
     let pairs: Vec<(&ParameterOutcome, &ParameterOutcome)> =
         first.parameters.iter().zip(&second.parameters).collect();
     let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {
+        // Two standard deviations over the seeds.
         let spreads = a.spread.into_iter().chain(b.spread).map(|spread| 2.0 * spread);
         // Without any spread or interval there is no verdict.
         let room = spreads.chain(a.half()).chain(b.half()).reduce(f64::max)?;

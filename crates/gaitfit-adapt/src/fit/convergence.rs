@@ -134,6 +134,7 @@ fn late_fall(course: &[f64]) -> Option<f64> {
     let last = *course.last()?;
     // A quarter of a short course may round to 0, and the course may be a single cost.
     let before = *course.get(course.len() - 1 - (course.len() / 4).max(1).min(course.len() - 1))?;
+    // A cost of 0 cannot fall, and there is no share of it.
     (before > 0.0).then(|| (before - last) / before)
 }
 

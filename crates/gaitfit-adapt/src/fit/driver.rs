@@ -162,6 +162,7 @@ impl<'a> Fit<'a> {
         // A step simulates the values and two neighbours of each entry.
         let at_once = |&run: &usize| Problem::at_once(cost(run), 2 * theta.len() + 1);
         // Runs of several costs may share a batch, so the smallest limit of all counts.
+        // Without such runs any number does except 0, at which `chunks` panics.
         let at_once = numbers.iter().map(at_once).min().unwrap_or(1);
         let mut steps = Vec::with_capacity(numbers.len());
         for together in numbers.chunks(at_once) {

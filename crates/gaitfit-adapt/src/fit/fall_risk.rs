@@ -67,6 +67,7 @@ impl FallRisk {
     pub fn expected_falls(&self, candidates: &[Vec<f64>], recordings: usize) -> Vec<f64> {
         let entries = self.seen.front().map_or(0, |one| one.values.len());
         if entries == 0 || candidates.iter().any(|values| values.len() != entries) {
+            // Nothing is learnt yet, so no candidate pays.
             return vec![0.0; candidates.len()];
         }
         // Entries have very different units; scaled ones make one prior for all slopes possible.
@@ -95,6 +96,7 @@ impl FallRisk {
             let values = || self.seen.iter().map(|one| one.values[entry]);
             let mean = values().sum::<f64>() / count;
             let deviation = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+            // With the scale 0 an entry that does not change has no part in the risk.
             (mean, if deviation > ROUNDING * mean.abs() { deviation.recip() } else { 0.0 })
         };
         (0..entries).map(each).collect()
@@ -152,6 +154,7 @@ impl FallRisk {
 
 /// ln(1 + eˣ), without overflow.
 fn softplus(logit: f64) -> f64 {
+    // Written so, the exponential cannot overflow.
     logit.max(0.0) + (-logit.abs()).exp().ln_1p()
 }
 

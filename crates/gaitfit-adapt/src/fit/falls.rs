@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 /// is estimated from `observed` falls of the robot, whose number is due to chance too: the variances of both add.
 pub fn max_falls_by_chance(expected: f64, observed: usize) -> usize {
     // A robot that never fell has an expected number of 0, so the 1 in place of `observed` does not matter.
+    // The first part is the chance in these recordings. The second one is that of the rate, which is known from
+    // `observed` falls alone.
     let variance = expected + expected * expected / observed.max(1) as f64;
     (expected + 2.0 * variance.sqrt()).ceil() as usize
 }
@@ -48,6 +50,7 @@ impl FallPenalty {
         let share = excess as f64 / recordings as f64;
         match self.penalty {
             Some(penalty) => penalty * share,
+            // Of a robot that never fell: each fall costs as much as if all recordings were lost.
             None if self.robot_rate == 0.0 => cost.lost() * excess as f64,
             None => cost.lost() * share,
         }

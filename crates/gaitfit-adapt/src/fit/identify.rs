@@ -108,6 +108,7 @@ pub fn identify(
     let points: Vec<Point> =
         theta.entries().iter().enumerate().flat_map(|(at, entry)| scan(at, entry, values[at])).collect();
     let mut rises: Vec<Rise> = Vec::with_capacity(points.len());
+    // The signals of all rollouts of a chunk may be in memory together.
     for points in points.chunks((MEMORY / bytes.max(1)).max(1)) {
         let moved = |point: &Point| {
             let mut values = values.to_vec();
@@ -174,6 +175,7 @@ fn steadiest(
         let rollouts: Vec<Rollout> = draws.iter().map(|&draw| rollout(draw)).collect();
         let consume = |candidate: usize, _: usize, signals: Signals<'_>| {
             if let Some(count) = counts.get(candidate).filter(|_| signals.fell_at.is_some()) {
+                // The counts are read after the simulation's end, so no order among threads matters.
                 count.fetch_add(1, Ordering::Relaxed);
             }
         };
@@ -252,6 +254,8 @@ pub(super) fn end(side: &[(f64, Rise)], fixed: f64) -> (f64, f64) {
         // The simulation diverges somewhere before this point; the middle is the best guess.
         Some((to, None)) => (0.5 * (from + to), noise_from),
         Some((to, Some((rise, noise)))) => {
+            // Noise that grows with the distance ends the interval at its share of the rise. Noise that does not grow
+            // ends it at the root of the share, because the rise is a parabola.
             let part = (noise / rise).max((fixed / rise).sqrt());
             ((to * part).clamp(from, *to), *noise)
         }

@@ -72,6 +72,7 @@ pub(super) fn joint(
     let (single, double) = costs.split_at(ones.len());
     let curvature = curvature(around.centre[0].powi(2), single, double, free.len());
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
+    // The search need not end where the slope is 0. What all recordings have of it is taken off below.
     let here = slope(single, 0);
 
     // Where the minimum would lie without each group of recordings: one Newton step from the values.
@@ -93,6 +94,7 @@ pub(super) fn joint(
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
     }
     // One recording has no parts; its noise is then not estimated here.
+    // A view is of all recordings, the others leave out one group each: g groups have g − 1 degrees of freedom.
     let degrees = views.count().checked_sub(2).unwrap_or(usize::MAX);
     let quantile = stats::student_t_95(degrees);
     for (at, free) in free.iter().enumerate() {
@@ -170,12 +172,14 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
 
 /// Half the difference of each parameter's squared costs up and down, of one view.
 fn slope(single: &[Vec<f64>], view: usize) -> DVector<f64> {
+    // A central difference: the two moves of an entry lie 2 apart.
     let differences = single.chunks_exact(2).map(|both| 0.5 * (both[0][view] - both[1][view]));
     DVector::from_iterator(single.len() / 2, differences)
 }
 
 /// Second differences of the square of the whole cost, in units of the moves.
 fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize) -> DMatrix<f64> {
+    // Moves have the length 1, so the second difference is the curvature.
     let rise = |both: &[Vec<f64>]| both[0][0] + both[1][0] - 2.0 * centre;
     let mut curvature = DMatrix::zeros(count, count);
     for (at, both) in single.chunks_exact(2).enumerate() {

@@ -127,6 +127,7 @@ impl RandomNumbers {
         let noise = Purpose::TORQUE_NOISE;
         let generation = derive_seed(seed, noise, generation);
         match self {
+            // These are the draws of generation 0, in all generations.
             Self::Run => derive_seed(seed, noise, 0),
             Self::Generation => generation,
             Self::Candidate => derive_seed(generation, noise, u32::try_from(candidate).unwrap_or(u32::MAX)),

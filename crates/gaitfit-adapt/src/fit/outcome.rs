@@ -211,6 +211,7 @@ impl CostOutcome {
         {
             let value = parameter.value;
             if let Some(identification) = &mut parameter.identification {
+                // Two standard deviations hold about 95 % of normal errors.
                 identification.widen(entry, value, 2.0 * deviation);
                 for end in *interval {
                     identification.reach(entry, end);

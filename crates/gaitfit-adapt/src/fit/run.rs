@@ -228,6 +228,7 @@ impl Run {
             By::CmaEs { search, .. } if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {
                 search.current().deviations()
             }
+            // A search that came to its end has no spread left that could widen an interval.
             _ => Vec::new(),
         }
     }
@@ -330,6 +331,7 @@ const FLAT: f64 = 0.02;
 /// mean. Draws differ from generation to generation, so one small cost shows little. Costs that rise, for example because
 /// robots begin to fall, are not flat.
 fn is_flat(course: &[f64], patience: usize) -> bool {
+    // An odd patience is rounded up, so that both halves have the same length.
     let half = patience.div_ceil(2);
     let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
     let mean = |costs: &[f64]| costs.iter().sum::<f64>() / half as f64;
@@ -338,6 +340,7 @@ fn is_flat(course: &[f64], patience: usize) -> bool {
     let squares = apart(&last[..half], before) + apart(&last[half..], now);
     // The standard error of the difference of two means, by the variance of both halves together.
     let error = (squares / half.saturating_sub(1).max(1) as f64 / half as f64).sqrt();
+    // Costs of diverged generations are infinite; their difference is no number.
     now.is_finite() && (before - now).abs() + error < FLAT * before.abs()
 }
 
@@ -367,6 +370,7 @@ fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
 
 /// Restarts from the same start with twice the population each time (Auger and Hansen, CEC 2005).
 fn plan(options: &FitOptions) -> RestartPlan {
+    // Each restart doubles the population, as IPOP-CMA-ES does.
     RestartPlan { runs: options.restarts.saturating_add(1), population_factor: 2, start: RestartStart::Same }
 }
 

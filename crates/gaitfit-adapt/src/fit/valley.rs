@@ -41,6 +41,7 @@ pub(super) fn reach(
             continue;
         }
         // A step that nearly reaches the bound would only repeat its point.
+        // Steps double, because a valley can be many times as long as the intervals.
         let inside = (0..STEPS).map(|step| 2f64.powi(step)).filter(|step| *step < 0.9 * last);
         let steps: Vec<f64> = inside.chain([last]).collect();
         let moved = |step: &f64| {

@@ -24,6 +24,7 @@ impl<'a> Views<'a> {
     /// the cost can be had of fewer. Recordings of one log are in one group: they do not differ by chance alone.
     pub fn new(cost: &'a dyn Cost, recordings: usize, logs: usize) -> Self {
         let logs = logs.clamp(1, recordings.max(1));
+        // A further group costs one more evaluation of the cost, and no simulation.
         let groups = logs.min(GROUPS);
         let without = |group: usize| {
             let kept: Vec<usize> =

@@ -255,6 +255,7 @@ impl Theta {
                 for joint in joints.chain(whole) {
                     let (other, first) = *set.entry((entry.kind, joint)).or_insert((number, &entry.name));
                     // Entries of one modification may share a joint: a network has many weights for one.
+                    // Equal names get an error of their own below.
                     if other != number && first != entry.name {
                         return Err(ThetaError::Overlap {
                             first: first.to_owned(),

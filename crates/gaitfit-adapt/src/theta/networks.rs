@@ -288,10 +288,12 @@ impl Modification for Networks {
         if self.rule.regularisation == 0.0 {
             return 0.0;
         }
+        // Only the last layer is charged: its weights alone set how large corrections can be.
         let last = |values: &[f64]| -> f64 {
             values[values.len() - OUTPUT_WEIGHTS..].iter().map(|weight| weight * weight).sum()
         };
         let sum: f64 = values.chunks_exact(self.searched()).map(last).sum();
+        // The mean over networks does not grow with the number of joints.
         self.rule.regularisation * sum / self.networks.len() as f64
     }
 
@@ -324,10 +326,12 @@ fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
     for (inputs, outputs) in &NETWORK_LAYERS[..2] {
         // A layer has its weights first, then its biases.
         let (matrix, end) = (at + inputs * outputs, at + (inputs + 1) * outputs);
+        // So divided, the sum of inputs of variance 1 has variance 1, however many inputs there are.
         draws[at..matrix].iter_mut().for_each(|weight| *weight /= (*inputs as f64).sqrt());
         draws[matrix..end].iter_mut().for_each(|bias| *bias *= BIAS_DEVIATION);
         at = end;
     }
+    // The last layer begins at 0, so that the first networks correct nothing.
     draws.resize(NETWORK_WEIGHTS, 0.0);
     // Normals may lie outside narrow bounds.
     draws.iter().map(|weight| weight.clamp(rule.lower, rule.upper)).collect()

@@ -41,6 +41,7 @@ impl Prior {
     pub fn with_strength(&self, strength: f64, error: f64) -> Self {
         Self {
             value: self.value + self.by_strength * (strength - 1.0),
+            // Both errors are independent, so their squares add.
             deviation: self.deviation.hypot(self.by_strength * error),
             by_strength: 0.0,
             ..*self

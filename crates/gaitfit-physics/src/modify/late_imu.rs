@@ -32,6 +32,7 @@ fn truth<T: Real>(state: &State<T>) -> [T; IMU_READING] {
 #[inline(always)]
 fn share<T: Real>(settings: &Settings, params: &Params<T>, steps: T) -> T {
     let late = params.robot.imu_delay * T::lit(1.0 / settings.timestep);
+    // `steps` counts from the start of the step. The n of the sum counts from its end, so n = steps − 1.
     (late + T::lit(1.0) - steps).clamp(T::zero(), T::lit(1.0))
 }
 

@@ -95,6 +95,7 @@ impl<K: Copy> JointNetwork<K> {
     pub fn evaluate_with_slope<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> (T, T) {
         let [first, second, last] = self.layers();
         let (a, b, y) = self.evaluate(x);
+        // The derivative of tanh is 1 − tanh².
         let slope = |tanh: T| tanh.fnma(tanh, T::lit(1.0));
         // The chain rule from the first layer on: only the input x₁ varies, whose weights are the matrix's
         // second row.

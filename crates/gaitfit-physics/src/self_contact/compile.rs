@@ -120,6 +120,7 @@ fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> SelfContactShape<T::
     let column = |j: usize| [rotation[0][j], rotation[1][j], rotation[2][j]];
     let (form, radius) = match geom.shape {
         Shape::Sphere { radius } => (Form::Ball, radius),
+        // A capsule lies along its own z axis.
         Shape::Capsule { radius, half_length } => (Form::Rod(k3(scale(half_length, column(2)))), radius),
         // `compile_pair` refuses cylinders, so this form is never used.
         Shape::Cylinder { radius, .. } => (Form::Ball, radius),
@@ -152,6 +153,7 @@ fn compile_pair<T: Real>(
     let [first, second] = &pair.geoms;
     let count = match (&first.shape, &second.shape) {
         (Shape::Sphere { .. }, Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::Box { .. }) => 1,
+        // Parallel capsules touch in two points. Others leave the second one far away.
         (Shape::Capsule { .. }, Shape::Capsule { .. }) => MAX_POINTS,
         _ => {
             let [geom, other] = [first, second].map(|geom| format!("{} `{}`", geom.shape.name(), geom.name));
@@ -172,6 +174,7 @@ fn compile_pair<T: Real>(
     let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
     Ok(SelfContactPair {
         shapes,
+        // The square saves a root for each pair in each step.
         reach2: k(reach * reach),
         condim: usize::from(pair.condim),
         friction: pair.friction.map(k),

@@ -160,6 +160,7 @@ impl<T: Real> SelfContactWork<T> {
         let z = T::zero();
         // A robot whose parts do not touch needs no room for this.
         let some = |count: usize| if contacts.is_empty() { 0 } else { count };
+        // No joint moves link 0, which is the root.
         let joints = links - 1;
         let n = some(joints + if floating { 6 } else { 0 });
         let point = SelfContactPoint { d: z, residual: [z; 6], step: [z; 6], force: [z; 6] };

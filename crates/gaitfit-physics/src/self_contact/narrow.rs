@@ -58,6 +58,7 @@ pub(crate) fn spots<T: Real>(
     match (&first.form, &second.form) {
         (Form::Ball, Form::Rod(axis)) => {
             let axis = rotate_k_add(&poses[1].rotation, axis, zero3());
+            // The axis is half of the rod, so the rod's ends are at −1 and 1.
             let along = dot(axis, sub(centers[0], centers[1])).div(dot(axis, axis));
             let one = T::lit(1.0);
             [balls(centers[0], axpy(along.clamp(-one, one), axis, centers[1]), radii); MAX_POINTS]
@@ -137,6 +138,7 @@ fn rods<T: Real>(
     let det = r.mb.fnma(r.mb, r.ma * r.mc);
     let parallel = det.abs();
     // Skew: the nearest points of the lines, moved onto the rods one after the other.
+    // Parallel rods drop this result below. Dividing by 1 keeps it finite for them.
     let by = one.div(T::select_lt(parallel, tiny, one, det));
     let x1 = r.mb.fnma(r.v, r.mc * r.u) * by;
     let x2 = r.mb.fnma(r.u, r.ma * r.v) * by;

@@ -85,6 +85,7 @@ fn cone<T: Real>(
 ) -> ([T; 6], [[T; 6]; 6]) {
     let z = T::zero();
     if pair.condim == 1 {
+        // Without friction only the normal acts, and it only pushes: its row must be negative.
         let s = T::select_lt(j[0], z, d, z);
         let (mut force, mut weight) = ([z; 6], [[z; 6]; 6]);
         force[0] = s * j[0];
@@ -106,6 +107,7 @@ separate! {
         distant::couple(tree, state, work);
         let sparsity = &tree.self_contact.sparsity;
         solve(sparsity, work);
+        // The solution is −(H₀ + C)⁻¹ C s₀, which s₀ lacks.
         for j in 0..tree.joints() {
             work.joints[j].step = work.joints[j].step + work.self_contact.change[sparsity.joint(j)];
         }
@@ -216,6 +218,7 @@ fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
         // Inner joints of the same segment: the rigid part of their element is in the segment's mass matrix.
         let first = tree.segments[home].first;
         for i in 0..member {
+            // A segment's mass matrix is kept in the order 00, 11, 22, 10, 20, 21.
             let inner = dot6_add(segment.axis[i], force, segment.mass[2 + member + i]);
             work.self_contact.matrix[sparsity.joints(j, first + i - 1)] = inner;
         }

@@ -54,6 +54,7 @@ impl Sparsity {
     /// Place of a joint among the unknowns.
     #[inline(always)]
     pub fn joint(&self, joint: usize) -> usize {
+        // Joints with higher numbers lie further out, and are eliminated first.
         self.joints - 1 - joint
     }
 
@@ -66,6 +67,7 @@ impl Sparsity {
     /// Place of the element of two joints in the matrix.
     #[inline(always)]
     pub fn joints(&self, a: usize, b: usize) -> usize {
+        // The joint with the lower number comes later in the elimination, so it is the row.
         at(self.joint(a.min(b)), self.joint(a.max(b)))
     }
 

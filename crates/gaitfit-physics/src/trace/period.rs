@@ -135,9 +135,11 @@ pub fn record_period_with(
         let mut state = State::<Traced>::new(tree);
         state.visit_mut(|slot, number| *number = input(Input::State(slot)));
         let mut params = Params::<Traced>::zeros(tree.links.len(), joints, tree.all_pairs());
+        // `zeros` makes no numbers of a free joint.
         params.free = vec![Traced::zero(); tree.free_weights()];
         let fixed: HashMap<Slot, f64> = report.fixed.iter().copied().collect();
         params.visit_mut(|slot, number| {
+            // A fixed parameter gets an input too, so that the list of inputs is the same whatever is fixed.
             let given = input(Input::Params(slot));
             *number = fixed.get(&slot).map_or(given, |&value| Traced::lit(value));
         });
@@ -159,6 +161,7 @@ pub fn record_period_with(
             tree,
             params: &params,
             targets: &mut targets,
+            // The loop below gives these torques to `before` in each turn.
             disturbance: &[],
             modifications: &modifications,
             memory: &mut memory,
@@ -168,8 +171,10 @@ pub fn record_period_with(
             drives: &mut drives,
         };
         begin(&mut period);
+        // The clock counts physics steps. It is carried, because one recorded turn serves all steps.
         let mut clock = Traced::zero();
         let slots = reported(tree, report);
+        // Carried numbers need a value before the first turn. Every turn replaces these.
         let mut shown = vec![Traced::zero(); slots.len()];
         let mut forces = vec![Traced::zero(); if report.forces { tree.pairs.len() } else { 0 }];
         let steps = Loop::begin(substeps, handed_on(&mut period, &mut clock, &mut shown));
@@ -197,6 +202,7 @@ pub fn record_period_with(
         // With one tap no later period reads an older target, so nobody needs the corrected one.
         let observed = if corrected && taps > 1 { 0..joints } else { 0..0 };
         outputs.extend(observed.clone().map(|joint| Output::Target { joint }));
+        // The targets of tap 0, which are the newest, come first.
         all.extend_from_slice(&targets[observed]);
         outputs.extend(slots.into_iter().map(Output::Report));
         all.extend(shown);

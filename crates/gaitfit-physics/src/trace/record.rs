@@ -262,6 +262,7 @@ impl Recording {
         if self.open.last() != Some(&index) {
             return self.fail(TraceError::Nesting);
         }
+        // The check below needs the scope of the turn, which `close` takes away.
         let inner = self.scope.clone();
         self.close();
         let RegionKind::Loop { carried, .. } = &self.graph.regions[index as usize].kind else {
@@ -283,6 +284,7 @@ impl Recording {
                 self.fail(TraceError::Escapes(next));
             }
             carried.next = next;
+            // The result has a value only where the number had one before the loop.
             let scope = self.scope.union(&first).copied().collect();
             number.0 = self.add(Node::Result(index, place as u32), scope);
         }

@@ -69,6 +69,7 @@ impl Real for Traced {
     }
     fn k(x: Known) -> Self {
         match x {
+            // Kept as bits, because nodes are compared and hashed, which `f64` cannot be.
             Known::Constant(x) => node(Node::Constant(x.to_bits())),
             Known::Number(number) => number,
         }

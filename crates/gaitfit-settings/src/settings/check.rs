@@ -185,6 +185,7 @@ const RULES: &[Rule] = &[
          \"matcho\" to `costs`",
     ),
     (
+        // The check ends at the first broken rule, so `costs` is not empty here.
         |config| config.check.validation_cost.is_some() && config.costs[0].is_privileged(),
         "`check.validation_cost` is of simulations that run freely, and the first cost resets them; put \
          \"wass\" or \"matcho\" first",

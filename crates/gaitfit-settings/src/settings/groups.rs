@@ -24,6 +24,7 @@ pub fn by_name(joints: &[String]) -> Option<Vec<(String, Vec<String>)>> {
     // A joint in two groups would have two values for one parameter.
     let grouped = |name: &str| patterns.iter().filter(|pattern| pattern.is_match(name)).count() == 1;
     if joints.iter().all(|joint| grouped(joint)) {
+        // The default groups fit this robot.
         return None;
     }
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();

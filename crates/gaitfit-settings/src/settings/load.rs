@@ -121,6 +121,7 @@ fn unreadable<C: Configuration>(path: &Path, error: &std::io::Error) -> Error {
 /// The settings of a table.
 fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::Error> {
     C::complete(&mut table);
+    // The whole table has no place of its own in the file; its keys and values have theirs.
     C::deserialize(Deserializer::from(Spanned::new(0..0, table)))
 }
 
@@ -176,6 +177,7 @@ pub fn taken<'a>(value: &mut DeValue<'a>) -> DeValue<'a> {
 
 /// The key of a `--set`, and its value as the line `value = …`.
 fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Error> {
+    // The first `=` ends the key. The value may contain more of them.
     match set.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => Ok((key, format!("value = {}", value.trim()))),
         _ => Err(Error::settings(format!(
@@ -200,6 +202,7 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
         })?;
     }
     *at = parse_value(line);
+    // A path has at least one name, so only what lies within `root` was replaced, and it is still a table.
     if let DeValue::Table(changed) = root {
         *table = changed;
     }
@@ -225,6 +228,7 @@ fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'
 fn parse_value(line: &str) -> DeValue<'_> {
     // Shells remove quotes, so a path or name need not have any.
     let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
+    // A value with line breaks could add further keys to the line. It is then a plain string.
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
         Some(value) => value.into_inner(),
         None => DeValue::String(Cow::Borrowed(line.strip_prefix("value = ").unwrap_or(line))),

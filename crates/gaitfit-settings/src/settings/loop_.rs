@@ -281,6 +281,7 @@ impl LoopConfig {
 
     /// Holds `[adapt]` to the rules of `gaitfit fit`, before there are logs.
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
+        // The rules ask only whether there are a policy and a log, which no round has made yet.
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
         // The loop gives each round its folder; the rule against an empty name is not for it.
         adapt.runs = ".".to_owned();
@@ -317,6 +318,7 @@ impl LoopConfig {
         let mut table = Table::try_from(self)?;
         for (section, keys) in DECIDED {
             if let Some(toml::Value::Table(inner)) = table.get_mut(section) {
+                // With these keys the text would be refused when it is read again.
                 inner.retain(|key, _| !keys.contains(&key));
             }
         }

@@ -27,6 +27,7 @@ fn in_words(message: &str) -> String {
     let max = match name {
         "u8" => Some(u64::from(u8::MAX)),
         "u32" => Some(u64::from(u32::MAX)),
+        // Whole numbers of TOML end below the largest `u64`, so no greatest value is named.
         "u64" | "usize" => None,
         "a nonzero u32" | "a nonzero u64" | "a nonzero usize" => {
             return format!("{before}expected a whole number above 0");

@@ -292,6 +292,7 @@ impl AdaptConfig {
     pub fn by_kind(&self, model: &Model) -> Result<Self, ThetaError> {
         let mut config = self.clone();
         if !model.has_slides() {
+            // Without slides all joints have the same units.
             return Ok(config);
         }
         self.rules().check_networks(model)?;

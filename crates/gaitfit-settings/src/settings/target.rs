@@ -183,6 +183,7 @@ impl TargetConfig {
             return Some(wrong);
         }
         // Ranges first, then settings that belong to another kind of target.
+        // Ranges are written as `!(a && b)`, which refuses NaN too.
         let wrong = if self.trajectories == 0 || self.trajectories > 100_000 {
             "`target.trajectories` must be 1 to 100000"
         } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {

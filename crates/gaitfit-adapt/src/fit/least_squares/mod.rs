@@ -104,6 +104,7 @@ impl GaussNewton {
             Stream::new(seed, Purpose::RESTART).fill_normals(0, &mut draws);
         }
         for ((value, entry), draw) in start.iter_mut().zip(theta.entries()).zip(draws) {
+            // Off the bounds both neighbours of a value exist, so the first derivatives are central.
             *value = off_bounds(entry, *value + draw * entry.deviation);
         }
         Self { generation: 0, values: start, damping: FIRST_DAMPING, best: None, stop: None }
@@ -363,6 +364,7 @@ impl<'a> Neighbourhood<'a> {
     /// [`around`], from the differences of the candidates that were simulated.
     fn around(self, residuals: Vec<Option<Residuals>>) -> Result<Option<Around>, FitError> {
         let (width, threads) = (self.problem.differences()?.width(), self.problem.simulator.threads());
+        // One neighbour that diverges leaves a column without a derivative, so there is no step at all.
         let all: Option<Vec<Residuals>> = residuals.into_iter().collect();
         let mut all = all.into_iter().flatten();
         let Some(residuals) = all.next() else { return Ok(None) };

@@ -71,6 +71,7 @@ fn quantile(values: &mut [f32], part: f64) -> f32 {
     if values.is_empty() {
         return 0.0;
     }
+    // The part 1 would lead past the end.
     let at = at.min(values.len() - 1);
     *values.select_nth_unstable_by(at, f32::total_cmp).1
 }
@@ -117,6 +118,7 @@ fn limit(recordings: &mut [Vec<f32>], width: usize) {
         column.clear();
         column.extend(recordings.iter().flat_map(|one| one.chunks_exact(width)).map(|row| row[at].abs()));
         let max = quantile(&mut column, LIMITED);
+        // `clamp` panics at bounds that are NaN.
         if max.is_nan() {
             continue;
         }

@@ -106,6 +106,7 @@ impl Problem<'_> {
     pub(in crate::fit) fn at_once(cost: &dyn Cost, candidates: usize) -> usize {
         let numbers = cost.differences().map_or(1, |differences| differences.count());
         let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
+        // One search is always taken; `check` refuses it if it is too large by itself.
         (MEMORY / needed.max(1)).max(1)
     }
 
@@ -164,6 +165,7 @@ impl<'a> Pending<'a> {
                     *slot = Some(numbers);
                 }
             }
+            // The first error stays: later ones tend to follow from it.
             Err(error) => self.error = self.error.take().or(Some(error)),
         }
     }

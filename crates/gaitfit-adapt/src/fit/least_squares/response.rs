@@ -98,12 +98,14 @@ impl Response {
     /// deviations, and that change in the entries' units: of the entry that it moves most by its deviation.
     pub fn weakest(&self) -> (f64, Vec<f64>) {
         let (part, change) = &self.weakest;
+        // The entry that changes most changes by one deviation.
         (*part, (change / change.amax()).component_mul(&self.scale).as_slice().to_vec())
     }
 
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         let row = |at: usize| {
+            // From units of the deviations back to those of the entries.
             let element = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
             (0..self.scale.len()).map(element).collect()
         };

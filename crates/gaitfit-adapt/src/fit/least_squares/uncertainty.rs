@@ -153,6 +153,7 @@ impl<'a> Estimate<'a> {
         }
         let silent = |(at, entry): (usize, &Entry)| {
             let (curvature, noise) = (whole.curvature[(at, at)], scores[(at, at)].max(0.0).sqrt());
+            // The first part stands for a curvature of 0: nothing in the logs depends on the entry.
             curvature <= 1e-300 || curvature * (entry.upper - entry.lower) <= 2.0 * noise
         };
         let silent: Vec<bool> = theta.entries().iter().enumerate().map(silent).collect();
@@ -230,6 +231,8 @@ impl<'a> Estimate<'a> {
 
     /// Draws of θ: pieces drawn anew, and a step along each shift; anything for entries without an effect.
     fn draws(&self, parts: &[Normal], shifts: &[Shift]) -> Vec<Vec<f64>> {
+        // The seed is fixed, so that the same fit gives the same draws. Step 0 of the stream is for pieces, step 1 for
+        // shifts and step 2 for entries without an effect.
         let stream = Stream::new(0, Purpose::BOOTSTRAP);
         let place = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
         let one = |draw: usize| {
@@ -238,6 +241,7 @@ impl<'a> Estimate<'a> {
             // The bootstrap: as many pieces as there are, drawn with replacement.
             for k in 0..parts.len() {
                 let at = draws.step(0).uniform(place(k)) * parts.len() as f64;
+                // Rounding may carry a draw to the end.
                 drawn.add(&parts[(at as usize).min(parts.len() - 1)]);
             }
             let step = self.solve(&drawn.curvature, &(&drawn.slope - &self.whole.slope));
@@ -261,6 +265,7 @@ impl<'a> Estimate<'a> {
 
 /// Recordings, or pieces of them where they are few.
 fn pieces(residuals: &Residuals, width: usize) -> Vec<(usize, Range<usize>)> {
+    // Where there are as many recordings as pieces are wanted, each stays whole.
     let each = PIECES.div_ceil(residuals.recordings.len().max(1));
     let blocks = |(recording, of_recording): (usize, &Vec<f32>)| {
         let samples = of_recording.len() / width.max(1);

@@ -84,6 +84,7 @@ impl<'a> Distributions<'a> {
         let (joints, skip) = (self.reference.joints().len(), self.reference.skip() + self.settling);
         let end = |log: &Predicted| log.fell_at.unwrap_or(usize::MAX).min(log.position.len() / joints);
         let kept: usize = logs.iter().map(|log| end(log).saturating_sub(skip)).sum();
+        // Robots that fall early leave distributions of other parts of the walk.
         if logs.is_empty() || (kept as f64) < (1.0 - MAX_LOST) * self.counted() as f64 {
             return None;
         }

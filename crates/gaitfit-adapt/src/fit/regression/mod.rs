@@ -222,6 +222,7 @@ fn intervals(
         let [a, b] = end(-1.0);
         let [c, d] = end(1.0);
         let (lower, upper) = (a.min(b), c.max(d));
+        // The deviation whose own interval would be as wide.
         let deviation = 0.5 * (upper - lower) / quantile;
         (to_bounds([lower, upper], entry, NEAR * deviation), deviation)
     };

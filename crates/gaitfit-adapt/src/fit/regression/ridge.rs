@@ -131,6 +131,7 @@ impl Robots {
             errors
         };
         let penalties: Vec<f64> =
+            // Neighbouring penalties differ by the factor √10.
             PENALTIES.map(|power| largest * 10f64.powf(0.5 * f64::from(power))).collect();
         let tried: Vec<DMatrix<f64>> = penalties.iter().map(|&penalty| left_out(penalty)).collect();
         // Each value has a penalty of its own: some need many numbers, others few.
@@ -142,6 +143,7 @@ impl Robots {
             let (errors, wanted) = (tried[best].column(entry), wanted.column(entry));
             // The slope of the predictions (error plus value) on the values. A penalty only shrinks, so a slope
             // above 1 is chance.
+            // Robots whose values are all alike have no variance to divide by.
             let slope = 1.0 + errors.dot(&wanted) / wanted.norm_squared().max(f64::MIN_POSITIVE);
             let slope = if slope.is_finite() && slope > MIN_SLOPE { slope.min(1.0) } else { 1.0 };
             let left_out: Vec<f64> = errors

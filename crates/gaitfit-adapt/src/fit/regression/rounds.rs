@@ -159,6 +159,7 @@ impl Rounds<'_> {
     /// the centre.
     fn correlated(&self, latest: &Posterior, centre: &[f64], half: &[f64], round: usize) -> Vec<Vec<f64>> {
         let entries = self.theta.entries();
+        // The draws lie between −1 and 1; `half` gives them their size.
         let sides = (vec![-1.0; entries.len()], vec![1.0; entries.len()]);
         let value = |at: usize, by: f64| {
             let Entry { lower, upper, .. } = entries[at];
