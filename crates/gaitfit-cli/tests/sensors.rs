@@ -60,7 +60,7 @@ fn joints_and_imu_show_friction_and_inertia_anywhere_in_a_walk() {
             parameters.iter().find(|other| other["name"] == name).unwrap()["value"].as_f64().unwrap();
         assert!((fitted / value - 1.0).abs() < 0.1, "{name}: {fitted} for {value}");
     }
-    // The cost on other logs is that of predictions too: a tenth of the nominal robot's.
+    // The cost on other logs is that of predictions too: less than a fifth of the nominal robot's.
     let after = report["fitted"]["cost_validation"].as_f64().unwrap();
     assert!(after < 0.2 * report["baselines"][0]["cost_validation"].as_f64().unwrap(), "{report}");
     let theta = folder.path().join("walk/theta.toml");

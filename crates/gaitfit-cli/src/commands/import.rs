@@ -142,6 +142,7 @@ pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, 
     let (mapping, order_is_assumed) = mapping(
         &Import {
             mapping: args.mapping.clone(),
+            policy: args.policy.clone(),
             robot: args.robot.clone(),
             lenient: args.lenient,
             ..Import::default()

@@ -142,14 +142,21 @@ impl Constant {
         Constant { whole, ..self.map(cast) }
     }
 
-    /// Element by element; one side may be a single number.
+    /// Element by element; one side may be a single number. The result has as many axes as the side with more of them.
     fn zip(&self, other: &Constant, function: impl Fn(f64, f64) -> f64) -> Option<Constant> {
         let whole = self.whole && other.whole;
+        let axes = self.dims.len().max(other.dims.len());
+        // Axes that are missing stand in front, with a length of 1.
+        let with_axes = |one: Constant| {
+            let mut dims = vec![1; axes - one.dims.len()];
+            dims.extend(&one.dims);
+            Constant { dims, whole, ..one }
+        };
         if let Some(b) = other.as_scalar() {
-            return Some(Constant { whole, ..self.map(|a| function(a, b)) });
+            return Some(with_axes(self.map(|a| function(a, b))));
         }
         if let Some(a) = self.as_scalar() {
-            return Some(Constant { whole, ..other.map(|b| function(a, b)) });
+            return Some(with_axes(other.map(|b| function(a, b))));
         }
         let values = self.values.iter().zip(&other.values).map(|(&a, &b)| function(a, b)).collect();
         (self.dims == other.dims).then(|| Constant { dims: self.dims.clone(), values, whole })
@@ -181,5 +188,26 @@ pub(super) fn folded(operator: &str, inputs: &[&Constant], attributes: &Attribut
         }
         _ => Constant::fold(operator, inputs, attributes)
             .or_else(|| moved(operator, inputs, attributes, MAX_NUMBERS)),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::super::proto::Node;
+    use super::*;
+
+    #[test]
+    fn a_single_number_keeps_the_axes_of_both_sides() {
+        let none = Attributes::decode(&Node::default()).unwrap();
+        let of = |dims: &[usize], values: &[f64]| Constant {
+            dims: dims.to_vec(),
+            ..Constant::wholes(values.to_vec())
+        };
+        let sum = |a: &Constant, b: &Constant| Constant::fold("Add", &[a, b], &none).unwrap();
+        let one = sum(&of(&[], &[2.0]), &of(&[1], &[3.0]));
+        assert_eq!((one.dims, one.values), (vec![1], vec![5.0]));
+        let row = sum(&of(&[3], &[1.0, 2.0, 3.0]), &of(&[1, 1], &[1.0]));
+        assert_eq!((row.dims, row.values), (vec![1, 3], vec![2.0, 3.0, 4.0]));
     }
 }
