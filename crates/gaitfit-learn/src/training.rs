@@ -46,7 +46,6 @@ impl TrainingSettings {
         if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
             return refuse("steps", steps, "at least 1, and times environments at most 16777216");
         }
-        // Steps are numbered from the start of a training, in 32 bits.
         if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
             return refuse(
                 "iterations",
@@ -304,11 +303,9 @@ impl<'a> Training<'a> {
             None => {
                 let like = |actor: &Recurrent| {
                     let shape = RecurrentShape { inputs: widths.critic_observation, ..actor.shape() };
-                    // The numbers 3 and 1 are those of the critic's parts in `Learner::new`.
                     Recurrent::random(&shape, seed, 3)
                 };
                 let memory = actor_memory.as_ref().map(like);
-                // Only the critic's shape comes from the settings: the actor is the policy's own.
                 let (_, mut shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
                 shape.inputs = memory.as_ref().map_or(widths.critic_observation, Recurrent::outputs);
                 (Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?, memory)
@@ -380,8 +377,7 @@ impl<'a> Training<'a> {
 
     /// Whether the policy has learnt anything: in the first `critic_warmup` iterations only the critic does.
     pub fn policy_trained(&self) -> bool {
-        // The iteration counts those that are done. Number `critic_warmup`, from 0, is the first that moves the
-        // policy.
+        // Number `critic_warmup`, from 0, is the first iteration that moves the policy.
         self.iteration > self.learner.settings().critic_warmup.unwrap_or(0)
     }
 
@@ -440,7 +436,6 @@ impl<'a> Training<'a> {
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
-        // The iteration is the update's number, from which its shuffles are drawn.
         let updated = self.learner.update(&mut samples, number, threads);
         // Before a failed update is reported: recorders need their room in any case.
         for (runner, samples) in self.runners.iter_mut().zip(samples) {
