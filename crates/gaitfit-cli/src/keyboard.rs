@@ -95,7 +95,7 @@ impl Drop for Keyboard {
 
 /// The first reason stays.
 fn stop(why: u8) {
-    // The first reason stays: it is the one that the person is told.
+    // The first reason stays, because it is the one that is printed.
     let _ = STOPPED.compare_exchange(0, why, Ordering::SeqCst, Ordering::SeqCst);
 }
 

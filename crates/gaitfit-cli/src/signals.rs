@@ -30,7 +30,7 @@ pub fn confirm(confirmed: bool) -> bool {
 
 /// Takes note, and ends the program where the robot may not move yet.
 fn ask(place: usize) {
-    // The first reason stays: it is the one that the person is told.
+    // The first reason stays, because it is the one that is printed.
     let _ = ASKED.compare_exchange(0, place, Ordering::SeqCst, Ordering::SeqCst);
     if !CONFIRMED.load(Ordering::SeqCst) {
         note("interrupted; nothing was sent");

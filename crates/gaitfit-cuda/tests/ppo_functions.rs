@@ -66,7 +66,7 @@ fn long_cxx_update_with_other_functions_of_the_output_is_the_cpus() {
     for output in [Activation::Gelu, Activation::GeluTanh, Activation::Selu, Activation::LeakyRelu(0.2)] {
         compare_foreign(foreign(settings(), Activation::Relu, Some(output)), Precision::F32, 2e-5);
     }
-    // Of both networks.
+    // Actor and critic.
     let learner = foreign(settings(), Activation::Gelu, Some(Activation::Tanh));
     let mut critic = learner.critic().clone();
     critic.output = Some(Activation::EluOf(3.0));

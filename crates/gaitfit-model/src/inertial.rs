@@ -125,7 +125,7 @@ pub(crate) fn check_inertia(
                 "correct the inertia, or set <compiler balanceinertia=\"true\"/>",
             ));
         }
-        // As MuJoCo balances them: three equal moments are those of a ball.
+        // As MuJoCo balances them: a ball has three equal moments.
         inertial.inertia = [(a + b + c) / 3.0; 3];
     }
     Ok(inertial)

@@ -25,7 +25,7 @@ pub struct AddressedNormals {
 impl NormalSource for AddressedNormals {
     fn fill(&self, generation: u32, candidate: u32, attempt: u32, out: &mut [f64]) {
         let stream = Stream::new(self.seed, Purpose::CMAES).environment(candidate).step(generation);
-        // Each attempt takes the draws behind those of the one before, so no two share any.
+        // Each attempt takes new draws: its own begin where the draws of the last attempt end.
         stream.fill_normals(attempt.wrapping_mul(out.len() as u32), out);
     }
 

@@ -50,7 +50,7 @@ impl FallPenalty {
         let share = excess as f64 / recordings as f64;
         match self.penalty {
             Some(penalty) => penalty * share,
-            // Of a robot that never fell: each fall costs as much as if all recordings were lost.
+            // The robot never fell, so each fall costs as much as losing all recordings.
             None if self.robot_rate == 0.0 => cost.lost() * excess as f64,
             None => cost.lost() * share,
         }

@@ -299,7 +299,7 @@ impl CostOutcome {
             self.best_cost = cost;
             self.take(problem.theta, &regression.corrected);
         }
-        // Whoever's values are taken, the robots' intervals replace those of the scan.
+        // Intervals from simulated robots replace the intervals of the scan, also if the search keeps its values.
         let entries = problem.theta.entries().iter().zip(&regression.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
             let mut identification = Identification::of_interval(entry, *interval, NoiseSource::Robots);

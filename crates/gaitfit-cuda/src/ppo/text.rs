@@ -181,7 +181,7 @@ fn defines(
     text
 }
 
-/// The functions of hidden layers, then those of the output: the actor's and the critic's.
+/// Names of the functions: of hidden layers (actor, critic), then of the output (actor, critic).
 fn functions(hidden: [Activation; 2], outputs: [Option<Activation>; 2]) -> String {
     let mut text = format!("enum {{ {} }};\n", FUNCTIONS.join(", "));
     for (number, activation) in hidden.map(Some).into_iter().chain(outputs).enumerate() {

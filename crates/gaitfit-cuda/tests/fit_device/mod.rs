@@ -207,21 +207,32 @@ fn gpu_candidates_remember_as_the_cpus() {
         let wanted = tracks(&task, &policy, &scripts, &jobs);
         let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
         let mut candidates = Candidates::new(&device, tables, 4).unwrap();
-        let signals = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
-        let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
-            signals.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
-        };
         let start = Instant::now();
-        candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
+        let signals = signals(&mut candidates, subject, &jobs, scripts.len());
         println!("{}: {:.2} s", cell.name(), start.elapsed().as_secs_f64());
         let dimensions = subject.dimensions();
-        for (values, want) in signals.into_inner().unwrap().iter().zip(&wanted) {
+        for (values, want) in signals.iter().zip(&wanted) {
             for (row, want) in values.chunks_exact(dimensions).zip(&rows(want, 12)).take(6) {
                 let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
                 assert!(error < 1e-2, "{}: off by {error}", cell.name());
             }
         }
     }
+}
+
+/// The rows of each job on each of so many recordings, job by job.
+fn signals(
+    candidates: &mut Candidates,
+    subject: Subject<'_>,
+    jobs: &[Job],
+    recordings: usize,
+) -> Vec<Vec<f32>> {
+    let signals = Mutex::new(vec![Vec::new(); jobs.len() * recordings]);
+    let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+        signals.lock().unwrap()[job * recordings + recording] = tracks.rows.to_vec();
+    };
+    candidates.tracks(subject, jobs, &consume, &|| false).unwrap();
+    signals.into_inner().unwrap()
 }
 
 /// Policies that follow a motion, and one that also observes the action before the last: the first samples are the
@@ -251,13 +262,9 @@ fn gpu_candidates_walk_along_a_motion_as_the_cpus() {
         let wanted = tracks(&task, &policy, &scripts, &jobs);
         let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
         let mut candidates = Candidates::new(&device, tables, 4).unwrap();
-        let signals = Mutex::new(vec![Vec::new(); jobs.len() * scripts.len()]);
-        let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
-            signals.lock().unwrap()[job * scripts.len() + recording] = tracks.rows.to_vec();
-        };
-        candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
+        let signals = signals(&mut candidates, subject, &jobs, scripts.len());
         let dimensions = subject.dimensions();
-        for (e, (values, want)) in signals.into_inner().unwrap().iter().zip(&wanted).enumerate() {
+        for (e, (values, want)) in signals.iter().zip(&wanted).enumerate() {
             for (row, want) in values.chunks_exact(dimensions).zip(&rows(want, 12)).take(6) {
                 let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
                 assert!(error < 1e-2, "{label}: environment {e} is off by {error}");

@@ -1,11 +1,11 @@
-//! Tests of the named effects, and of the doubt about those that a fitted simulator lacks.
+//! Tests of the named effects, and of the doubt about effects that a fitted simulator lacks.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
+use crate::walk::fixtures::report;
 use crate::walk::swing::Standing;
 use gaitfit_adapt::{ParameterRule, RobotNumber, RobotRule, Rules, Sharing};
 use gaitfit_log::Sensors;
-use gaitfit_swing::{FrictionLaw, GroupEstimate, SwingReport};
 
 fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
     let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
@@ -182,28 +182,7 @@ fn a_known_spring_or_strength_covers_its_own_joint_alone() {
 fn play_that_swings_show_and_the_fit_does_not_find_is_marked() {
     let joints = ["FL", "FR"].map(|leg| format!("{leg}_thigh_joint")).to_vec();
     let none = Estimate { value: 0.0, error: 0.1 };
-    let group = GroupEstimate {
-        group: "thigh".to_owned(),
-        joints: joints.clone(),
-        friction: none,
-        damping: none,
-        armature: none,
-        by_strength: [0.0; 3],
-        by_load: [0.0; 3],
-        swings: 100,
-        windows: 1000,
-        residual: 0.4,
-    };
-    let swings = SwingReport {
-        groups: vec![group],
-        delay: none,
-        delay_by_strength: 0.0,
-        strength: none,
-        law: FrictionLaw::Coulomb,
-        clearance_m: 0.012,
-        logs: 12,
-        unseen: vec![],
-    };
+    let swings = report("thigh", joints.clone(), [none; 3], [none; 2]);
     let with = |kind, size| {
         let mut findings = findings(&[(kind, "thigh", size, 0.002, 0.6)]);
         findings.effects[0].without = Some(Estimate { value: 0.0, error: 0.002 });

@@ -11,6 +11,7 @@ use gaitfit_physics::Preset;
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::{Layout, Past};
 use gaitfit_policy::{Policy, Quantity, Term};
+use gaitfit_swing::{Estimate, FrictionLaw, GroupEstimate, SwingReport};
 
 /// The Go2 at the built-in task.
 pub fn scene() -> Task {
@@ -108,4 +109,35 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         }
     }
     log
+}
+
+/// What legs in the air show of one group of joints: friction, damping and armature; beside them the delay and the strength.
+pub fn report(
+    group: &str,
+    joints: Vec<String>,
+    [friction, damping, armature]: [Estimate; 3],
+    [delay, strength]: [Estimate; 2],
+) -> SwingReport {
+    let group = GroupEstimate {
+        group: group.to_owned(),
+        joints,
+        friction,
+        damping,
+        armature,
+        by_strength: [0.0; 3],
+        by_load: [0.0; 3],
+        swings: 100,
+        windows: 1000,
+        residual: 0.4,
+    };
+    SwingReport {
+        groups: vec![group],
+        delay,
+        delay_by_strength: 0.0,
+        strength,
+        law: FrictionLaw::Coulomb,
+        clearance_m: 0.012,
+        logs: 12,
+        unseen: vec![],
+    }
 }

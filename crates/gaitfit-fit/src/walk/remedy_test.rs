@@ -4,9 +4,9 @@
 use super::*;
 use crate::robot::joint_names;
 use crate::settings::walk_defaults;
+use crate::walk::fixtures::report;
 use crate::walk::swing::Standing;
 use gaitfit_swing::{Effect, EffectKind};
-use gaitfit_swing::{FrictionLaw, SwingReport};
 
 fn estimate(value: f64, error: f64) -> Estimate {
     Estimate { value, error }
@@ -18,28 +18,8 @@ fn calves() -> Vec<String> {
 
 /// Findings of logs with these effects: kind, joint or group, size, standard error, share of the residual.
 fn findings(effects: &[(EffectKind, &str, f64, f64, f64)]) -> SwingFindings {
-    let group = GroupEstimate {
-        group: "calf".into(),
-        joints: calves(),
-        friction: estimate(0.4, 0.02),
-        damping: estimate(0.1, 0.02),
-        armature: estimate(0.03, 0.001),
-        by_strength: [0.0; 3],
-        by_load: [0.0; 3],
-        swings: 100,
-        windows: 1000,
-        residual: 0.4,
-    };
-    let report = SwingReport {
-        groups: vec![group],
-        delay: estimate(0.005, 0.001),
-        delay_by_strength: 0.0,
-        strength: estimate(1.0, 0.2),
-        law: FrictionLaw::Coulomb,
-        clearance_m: 0.012,
-        logs: 12,
-        unseen: vec![],
-    };
+    let numbers = [estimate(0.4, 0.02), estimate(0.1, 0.02), estimate(0.03, 0.001)];
+    let report = report("calf", calves(), numbers, [estimate(0.005, 0.001), estimate(1.0, 0.2)]);
     let effect = |&(kind, of, value, error, share): &(EffectKind, &str, f64, f64, f64)| {
         Effect::new(kind, of, estimate(value, error), share)
     };

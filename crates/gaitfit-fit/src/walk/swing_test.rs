@@ -2,33 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
+use crate::walk::fixtures;
 use gaitfit_log::{BaseState, write_csv};
 
 fn report() -> SwingReport {
     let joints = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned).to_vec();
     let number = |value, error| Estimate { value, error };
-    let calf = GroupEstimate {
-        group: "calf".into(),
-        joints,
-        friction: number(0.65, 0.05),
-        damping: number(-0.01, 0.03),
-        armature: number(0.018, 0.001),
-        by_strength: [0.0; 3],
-        by_load: [0.0; 3],
-        swings: 100,
-        windows: 1000,
-        residual: 0.4,
-    };
-    SwingReport {
-        groups: vec![calf],
-        delay: number(0.0062, 0.0015),
-        delay_by_strength: 0.0,
-        strength: number(1.0, 0.2),
-        law: FrictionLaw::Coulomb,
-        clearance_m: 0.012,
-        logs: 12,
-        unseen: vec![],
-    }
+    let numbers = [number(0.65, 0.05), number(-0.01, 0.03), number(0.018, 0.001)];
+    fixtures::report("calf", joints, numbers, [number(0.0062, 0.0015), number(1.0, 0.2)])
 }
 
 #[test]

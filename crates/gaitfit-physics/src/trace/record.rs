@@ -151,7 +151,7 @@ impl Recording {
             Known::Number(_) => None,
         };
         let values: Option<Vec<f64>> = table.iter().map(value).collect();
-        // The recording goes on with an empty table, and the error is told at its end.
+        // The recording goes on with an empty table, and the error is reported at its end.
         if values.is_none() {
             self.fail(TraceError::Table);
         }

@@ -92,7 +92,7 @@ impl Fall {
     pub(super) fn fallen(&self, motion: &Motion, index: usize, ground: f32) -> bool {
         let forces = &motion.normal_force[index * self.contacts..(index + 1) * self.contacts];
         let up = frames::up(quat_of(&motion.base_quaternion[4 * index..]));
-        // A state that is not finite fails all three comparisons. Whoever counts falls tests for it apart.
+        // A state that is not finite fails all three comparisons. Callers that count falls test for it separately.
         touching(forces, &self.geoms) > 0
             || self.uprightness(up) < self.least_uprightness
             || motion.base_position[3 * index + 2] - ground < self.height

@@ -132,7 +132,7 @@ fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
         if let Some(falls) = result.fall_rate.filter(|falls| *falls > MANY_FALLS) {
             return Some(format!("{:.0} % of its last episodes end in a fall", 100.0 * falls));
         }
-        // The replay has no noise and no pushes. Whoever falls there has not learnt to walk, whatever the
+        // The replay has no noise and no pushes. A policy that falls there has not learnt to walk, whatever the
         // episodes say.
         if let Some(time) = seed.shown.fell() {
             return Some(format!("It falls {time:.1} s into its replay"));

@@ -173,7 +173,7 @@ fn changes(model: &Model, added: &[Added]) -> Vec<Guess> {
     }
     for (change, count) in grouped(&model.changed) {
         let more = if count > 1 { format!(" (and {} more like it)", count - 1) } else { String::new() };
-        // The floor is told apart: it is not a part of the robot.
+        // The floor counts separately: it is not a part of the robot.
         let what = if change.what.starts_with("floor") { "floor" } else { "mended" };
         say(what, format!("{}: {}{more}", change.what, change.how));
     }

@@ -105,7 +105,7 @@ impl Response {
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         let row = |at: usize| {
-            // From units of the deviations back to those of the entries.
+            // The inverse is in deviations; both factors give it the units of the entries.
             let element = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
             (0..self.scale.len()).map(element).collect()
         };

@@ -12,8 +12,7 @@ use serde::{Deserialize, Serialize};
 pub(super) const MAX_ROUNDS: usize = 6;
 /// Min number of rounds.
 const MIN_ROUNDS: usize = 3;
-/// A round gains little if its standard deviations are, on the mean, more than this many times those of the round before. No further
-/// round follows it.
+/// Largest ratio of a round's mean standard deviation to the last round's that is still a gain. Rounds end at the first one above it.
 const SETTLED: f64 = 0.95;
 /// Half the width of the first round, in an entry's deviations.
 const FIRST: f64 = 1.5;

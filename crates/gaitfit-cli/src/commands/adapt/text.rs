@@ -27,7 +27,7 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
         results.seconds,
         results.wall_seconds
     );
-    // The first cost decides, so its doubts are those of the whole result.
+    // The first cost decides, so its doubts are the doubts of the whole result.
     for (number, fit) in results.fits.iter().enumerate() {
         let doubts = if number == 0 { &results.doubts } else { &fit.doubts };
         let _ = writeln!(text, "\n{}\n\n{}", headline(fit, doubts), parameters(fit));

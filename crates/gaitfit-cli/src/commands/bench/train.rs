@@ -35,7 +35,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     // Before anything is read: the GPU's report includes the time until the first iteration.
     let begin = Instant::now();
     let mut config: TrainConfig = settings::load(args.config.as_deref(), &[])?;
-    // Only sizes are replaced; robot, task and networks are those of the configuration.
+    // Only sizes are replaced. Robot, task and networks come from the configuration.
     config.train = TrainingSettings {
         environments: args.environments.unwrap_or(config.train.environments),
         steps: args.steps.unwrap_or(config.train.steps),

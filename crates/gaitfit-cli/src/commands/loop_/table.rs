@@ -78,7 +78,7 @@ pub fn text(results: &Results) -> String {
     }
     let _ = writeln!(text, "policy: {}   {}", results.policy, results.onnx);
     if let Some(round) = results.best_round() {
-        // Of several rounds an earlier one may have trained the best policy.
+        // The best policy may come from an earlier round than the last.
         let number = if rounds > 1 { format!(" (round {})", round.round) } else { String::new() };
         let _ = writeln!(text, "theta{number}: {}", round.theta);
     }
