@@ -14,37 +14,51 @@ pub(crate) const KINDS: [&str; 4] = ["general", "motor", "position", "velocity"]
 pub(crate) const FOREIGN_KINDS: [&str; 9] =
     ["intvelocity", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "orientation", "pid", "plugin"];
 
+/// What a servo inherits of its class only if an element of a fitting kind set it.
+#[derive(Clone, Copy, Debug)]
+struct Gains {
+    gain: f64,
+    bias: [f64; 3],
+    inherit_range: f64,
+}
+
+impl Default for Gains {
+    fn default() -> Self {
+        Self { gain: 1.0, bias: [0.0; 3], inherit_range: 0.0 }
+    }
+}
+
 /// An actuator as written, over its default class. As in MuJoCo one class has a single actuator
 /// default, which every kind of actuator element starts from.
 #[derive(Clone, Debug)]
 pub(crate) struct ActuatorForm {
-    /// The last servo element read: another kind of servo does not inherit its gains.
-    servo: Option<&'static str>,
-    gain: f64,
+    /// The last element read if it is no `general`: servos of another kind do not inherit its gains, but those of the
+    /// classes around this one.
+    last: Option<&'static str>,
+    gains: Gains,
+    /// What position servos and velocity servos inherit from the classes around this one.
+    outer: [Gains; 2],
     /// 0 none, 1 affine.
     bias_type: usize,
-    bias: [f64; 3],
     gear: f64,
     ctrlrange: [f64; 2],
     ctrllimited: usize,
     forcerange: [f64; 2],
     forcelimited: usize,
-    inherit_range: f64,
 }
 
 impl Default for ActuatorForm {
     fn default() -> Self {
         Self {
-            servo: None,
-            gain: 1.0,
+            last: None,
+            gains: Gains::default(),
+            outer: [Gains::default(); 2],
             bias_type: 0,
-            bias: [0.0; 3],
             gear: 1.0,
             ctrlrange: [0.0; 2],
             ctrllimited: AUTO,
             forcerange: [0.0; 2],
             forcelimited: AUTO,
-            inherit_range: 0.0,
         }
     }
 }
@@ -52,6 +66,19 @@ impl Default for ActuatorForm {
 const NO_STATE: &str = "actuators with an activation state are not simulated";
 
 impl ActuatorForm {
+    /// What a class inside of this one begins with.
+    pub fn inside(&self) -> Self {
+        Self { outer: [self.inherited("position"), self.inherited("velocity")], ..self.clone() }
+    }
+
+    /// The gains that a servo of this kind starts from: the unit of a kp is not that of a kv.
+    fn inherited(&self, servo: &str) -> Gains {
+        match self.last {
+            Some(last) if last != servo => self.outer[usize::from(servo == "velocity")],
+            _ => self.gains,
+        }
+    }
+
     /// Reads one actuator element over the present values; the caller finishes the attributes.
     pub fn apply(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
         let kind = a.element().name.as_str();
@@ -75,18 +102,17 @@ impl ActuatorForm {
         match kind {
             // A motor's force is its control, whatever gains and biases its class gives to servos.
             "motor" => {
-                self.gain = 1.0;
+                (self.gains.gain, self.gains.bias) = (1.0, [0.0; 3]);
                 self.bias_type = 0;
-                self.servo = None;
+                self.last = Some("motor");
             }
             "position" => self.apply_position(ctx, a)?,
             "velocity" => {
-                // The gain of a position servo is a kp, in another unit: it is not inherited.
-                let mut kv = if matches!(self.servo, None | Some("velocity")) { self.gain } else { 1.0 };
+                let mut kv = self.inherited("velocity").gain;
                 a.set_nonnegative(ctx, "kv", &mut kv)?;
                 // A velocity servo's force is kv · (control − velocity).
-                (self.gain, self.bias_type, self.bias) = (kv, 1, [0.0, 0.0, -kv]);
-                self.servo = Some("velocity");
+                (self.gains.gain, self.bias_type, self.gains.bias) = (kv, 1, [0.0, 0.0, -kv]);
+                self.last = Some("velocity");
             }
             _ => self.apply_general(ctx, a)?,
         }
@@ -94,32 +120,29 @@ impl ActuatorForm {
     }
 
     fn apply_position(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
-        if self.servo == Some("velocity") {
-            // The gain of a velocity servo is a kv, in another unit: it is not inherited.
-            (self.gain, self.bias) = (1.0, [0.0; 3]);
-        }
-        let mut kp = self.gain;
+        self.gains = self.inherited("position");
+        let mut kp = self.gains.gain;
         a.set_nonnegative(ctx, "kp", &mut kp)?;
         // NaN stands for what the element does not state: 0 is a value that a file may give.
         let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
         a.set_nonnegative(ctx, "kv", &mut kv)?;
         a.set_nonnegative(ctx, "dampratio", &mut ratio)?;
         // A position servo's force is kp · (control − position), less kv times the velocity.
-        (self.gain, self.bias_type) = (kp, 1);
-        self.bias[1] = -kp;
+        (self.gains.gain, self.bias_type) = (kp, 1);
+        (self.gains.bias[0], self.gains.bias[1]) = (0.0, -kp);
         // As in MuJoCo a positive entry is a damping ratio, resolved when all masses are known.
         match (kv.is_nan(), ratio.is_nan()) {
             (true, true) => {}
             // Not `-kv`: a kv of 0 would become −0.
-            (false, true) => self.bias[2] = 0.0 - kv,
-            (true, false) => self.bias[2] = ratio,
+            (false, true) => self.gains.bias[2] = 0.0 - kv,
+            (true, false) => self.gains.bias[2] = ratio,
             (false, false) => {
                 return Err(ctx.invalid(a.at("kv"), "both `kv` and `dampratio`", "keep one"));
             }
         }
-        self.servo = Some("position");
+        self.last = Some("position");
         a.refuse_nonzero(ctx, "timeconst", NO_STATE, "remove it")?;
-        a.set_nonnegative(ctx, "inheritrange", &mut self.inherit_range)
+        a.set_nonnegative(ctx, "inheritrange", &mut self.gains.inherit_range)
     }
 
     fn apply_general(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
@@ -142,13 +165,15 @@ impl ActuatorForm {
             }
         }
         // MJCF takes ten numbers: of a fixed gain the first counts, of an affine bias the first three.
-        let mut gain = [self.gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let mut gain = [self.gains.gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         a.prefix(ctx, "gainprm", &mut gain)?;
-        self.gain = gain[0];
+        self.gains.gain = gain[0];
         let mut bias = [0.0; 10];
-        bias[..3].copy_from_slice(&self.bias);
+        bias[..3].copy_from_slice(&self.gains.bias);
         a.prefix(ctx, "biasprm", &mut bias)?;
-        self.bias = [bias[0], bias[1], bias[2]];
+        self.gains.bias = [bias[0], bias[1], bias[2]];
+        // Servos of every kind start from its gains.
+        self.last = None;
         a.refuse_nonzero(ctx, "actrange", NO_STATE, "remove it")?;
         if a.boolean(ctx, "actearly")? == Some(true) {
             ctx.refuse(a.at("actearly"), format!("`actearly` of {label}"), NO_STATE, "remove it")?;
@@ -187,9 +212,10 @@ impl ActuatorForm {
             }
             return Err(ctx.invalid(at, message, "name one of the file's hinges or slides"));
         };
+        let Gains { gain, bias, inherit_range } = self.gains;
         let mut ctrlrange = self.ctrlrange;
         // Only a position servo has targets that a joint's range can bound.
-        if self.inherit_range > 0.0 && self.bias_type == 1 && self.gain == -self.bias[1] {
+        if inherit_range > 0.0 && self.bias_type == 1 && gain == -bias[1] {
             if ctrlrange != [0.0; 2] {
                 return Err(ctx.invalid(
                     at,
@@ -205,7 +231,7 @@ impl ActuatorForm {
                 ));
             };
             // MuJoCo widens the joint's range about its middle by this factor.
-            let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * self.inherit_range);
+            let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * inherit_range);
             ctrlrange = [mean - radius, mean + radius];
         }
         Ok(Some(Actuator {
@@ -222,8 +248,8 @@ impl ActuatorForm {
                 self.forcerange,
                 compiler,
             )?,
-            gain: self.gain,
-            bias: if self.bias_type == 1 { self.bias } else { [0.0; 3] },
+            gain,
+            bias: if self.bias_type == 1 { bias } else { [0.0; 3] },
         }))
     }
 }

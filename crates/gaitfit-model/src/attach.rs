@@ -269,13 +269,16 @@ impl Attacher<'_, '_, '_> {
                         // `refer` comes first, because it also puts the prefix before the references.
                         if refer(&mut element, prefix, names) || whole {
                             self.rename(&mut element, prefix, &mut HashSet::new(), 3)?;
-                            for name in element.attributes.iter_mut().filter(|one| one.name == "name") {
+                            // `rename` has prefixed the name of a coupling: it is a <joint>, too.
+                            let renamed = NAMED.contains(&element.name.as_str());
+                            let is_name = |one: &&mut Attribute| one.name == "name" && !renamed;
+                            for name in element.attributes.iter_mut().filter(is_name) {
                                 name.value.insert_str(0, prefix);
                             }
                             // Sections outside of bodies are in no frame that hands down a class: they name it
                             // themselves.
                             if element.get("class").is_none()
-                                && matches!(name, "actuator" | "contact")
+                                && matches!(name, "actuator" | "contact" | "equality")
                                 && element.name != "exclude"
                             {
                                 element.attributes.push(class.clone());

@@ -35,7 +35,6 @@ pub(crate) fn compile(
 ) -> Result<Model, ModelError> {
     // Names come first, because messages of all later steps use them.
     name_everything(ctx, &mut spec)?;
-    scale_total_mass(&mut spec);
     let Some(robot) = choose_robot(ctx, &spec)? else {
         return Err(ctx.invalid(
             spec.bodies.get(1).map_or(At::default(), |b| b.at),
@@ -54,6 +53,8 @@ pub(crate) fn compile(
     if ctx.mend {
         fill_masses(ctx, &mut spec, &welds, &member);
     }
+    // Only now do all masses count that the robot has.
+    scale_total_mass(&mut spec);
     // Checked before anything is renumbered: the messages name places of the file.
     check_sizes(ctx, &spec, &member)?;
     check_masses(ctx, &spec, &welds, &member)?;

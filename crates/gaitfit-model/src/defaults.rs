@@ -133,7 +133,9 @@ impl Defaults {
                 if self.classes.len() >= MAX_CLASSES {
                     return Err(ctx.too_many(at, "default classes", MAX_CLASSES));
                 }
-                self.classes.push(self.classes[parent].clone());
+                let outer = &self.classes[parent];
+                let inner = Class { actuator: outer.actuator.inside(), ..outer.clone() };
+                self.classes.push(inner);
                 self.names.insert(name.to_string(), self.classes.len() - 1);
                 self.classes.len() - 1
             }

@@ -103,15 +103,25 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
         if mass >= MIN_MASS && turns {
             continue;
         }
-        let body = &spec.bodies[index];
-        let of_shapes = combine(&shapes(body));
+        // Links that are fixed to it have shapes, too.
+        let of_shapes: Vec<(usize, Inertial)> = parts()
+            .filter(|_| mass < MIN_MASS)
+            .map(|part| (part, combine(&shapes(&spec.bodies[part]))))
+            .filter(|(_, inertial)| inertial.mass >= MIN_MASS)
+            .collect();
+        for (part, inertial) in &of_shapes {
+            let kilograms = shown_number(format!("{:.2e}", inertial.mass).parse().unwrap_or(inertial.mass));
+            let how = format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³");
+            fill(ctx, &mut spec.bodies[*part], *inertial, &how);
+        }
+        if !of_shapes.is_empty() {
+            continue;
+        }
+        let body = &mut spec.bodies[index];
         let (inertial, how) = if mass >= MIN_MASS {
             // A point mass: a ball around it.
             let inertia = [0.4 * body.inertial.mass.max(mass) * DUMMY_RADIUS * DUMMY_RADIUS; 3];
             (Inertial { inertia, ..body.inertial }, format!("that of a ball of {DUMMY_RADIUS} m"))
-        } else if of_shapes.mass >= MIN_MASS {
-            let kilograms = shown_number(format!("{:.2e}", of_shapes.mass).parse().unwrap_or(of_shapes.mass));
-            (of_shapes, format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³"))
         } else {
             // Where nothing of the file has a mass there is no share to take: 1 kg will do.
             let mass = if total > 0.0 { DUMMY_SHARE * total } else { 1.0 };
@@ -120,10 +130,14 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
             let how = format!("a ball of {DUMMY_RADIUS} m with {DUMMY_SHARE} of the robot's mass");
             (Inertial { mass, inertia, ..crate::inertia::MASSLESS }, how)
         };
-        let what = format!("inertia of body \"{}\"", shown(&body.name));
-        ctx.note(body.at, what, format!("it moves without mass or inertia in the file; {how} (a guess)"));
-        spec.bodies[index].inertial = inertial;
+        fill(ctx, body, inertial, &how);
     }
+}
+
+fn fill(ctx: &mut Context, body: &mut BodySpec, inertial: Inertial, how: &str) {
+    let what = format!("inertia of body \"{}\"", shown(&body.name));
+    ctx.note(body.at, what, format!("it moves without mass or inertia in the file; {how} (a guess)"));
+    body.inertial = inertial;
 }
 
 /// Masses of a body's shapes at the usual density: of those that collide, else of those that are seen.

@@ -110,7 +110,10 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
     };
     match *shape {
         Shape::Sphere { radius } => ball(radius, 0.0).collect(),
-        Shape::Capsule { radius, half_length } => ball(radius, half_length).collect(),
+        // The ring between the halves is one of the upper half alone.
+        Shape::Capsule { radius, half_length } => {
+            ball(radius, half_length).chain(ring(radius, -half_length)).collect()
+        }
         Shape::Cylinder { radius, half_length } => {
             ring(radius, half_length).chain(ring(radius, -half_length)).collect()
         }
@@ -198,4 +201,20 @@ pub(crate) fn resolve(folder: &Path, filename: &str, mesh_folder: &str) -> PathB
     // Where no place has the file, the error names the place that the robot file states.
     let present = places.iter().find(|path| path.is_file()).cloned();
     present.unwrap_or_else(|| places.swap_remove(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_ends_of_a_capsule_have_a_rim() {
+        let points = surface(&Shape::Capsule { radius: 0.1, half_length: 0.2 });
+        for end in [-0.2_f64, 0.2] {
+            let on_rim = |point: &&Vec3| {
+                (point[2] - end).abs() < 1e-12 && (point[0].hypot(point[1]) - 0.1).abs() < 1e-12
+            };
+            assert_eq!(points.iter().filter(on_rim).count(), 24, "{end}");
+        }
+    }
 }

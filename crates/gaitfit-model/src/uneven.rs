@@ -102,12 +102,11 @@ fn rounded(shape: Shape, max: f64) -> Option<Vec<Part>> {
             position: [0.0; 3],
             quaternion: IDENTITY,
         }],
-        // A disc that one layer of balls fills.
-        Shape::Cylinder { radius, half_length } if radius <= max && half_length <= small => {
+        // A disc that one layer of balls fills: the balls at both of its rims would be the same.
+        Shape::Cylinder { radius, half_length } if half_length <= small => {
             rim(radius - half_length, 0.0, half_length)
         }
         Shape::Cylinder { radius, half_length } => {
-            let small = small.min(half_length);
             // Inside the cylinder, so that its outline stays the same.
             let end = |sign: f64| rim(radius - small, sign * (half_length - small), small);
             [end(-1.0), end(1.0)].concat()
@@ -174,6 +173,7 @@ mod tests {
             (Shape::Sphere { radius: 0.05 }, 0.015),
             (Shape::Capsule { radius: 0.06, half_length: 0.1 }, 0.02),
             (Shape::Cylinder { radius: 0.05, half_length: 0.02 }, 0.025),
+            (Shape::Cylinder { radius: 0.05, half_length: 0.012 }, 0.025),
             (Shape::Cylinder { radius: 0.02, half_length: 0.1 }, 0.02),
             (Shape::Cylinder { radius: 0.02, half_length: 0.02 }, 0.01),
             (Shape::Cylinder { radius: 0.02, half_length: 0.005 }, 0.007),
@@ -182,6 +182,8 @@ mod tests {
             (Shape::Box { half_size: [0.012, 0.1, 0.017] }, 0.02),
         ] {
             let parts = rounded(shape, 0.025).unwrap();
+            let twice = |(k, part): (usize, &Part)| parts[..k].contains(part);
+            assert!(!parts.iter().enumerate().any(twice), "{shape:?}: {parts:?}");
             let geom = whole(shape);
             for k in 0..200 {
                 let frame = frame(0.1 * f64::from(k));

@@ -134,6 +134,21 @@ fn a_whole_world_is_attached_without_a_body() {
     assert_eq!(model.actuators.len(), 4);
 }
 
+/// MuJoCo 4.0.0: `eq_solref` is that of the attached file's main class, and the name has the prefix once.
+#[test]
+fn couplings_have_the_defaults_of_the_attached_file() {
+    let soft = |text: &str, solref: &str| {
+        text.replacen("<default>", &format!("<default><equality solref=\"{solref}\"/>"), 1)
+    };
+    let robot = soft(&robot(r#"<attach model="arm" body="base" prefix="L_"/>"#, "radian"), "0.9 1");
+    let coupling = r#"<equality><joint name="e" joint1="elbow" joint2="yaw"/></equality></mujoco>"#;
+    let arm = soft(&ARM.replace("</mujoco>", coupling), "0.5 2");
+    let couplings = read_files(&robot, &arm).unwrap().couplings;
+    assert_eq!((couplings.len(), couplings[0].solref), (1, [0.5, 2.0]));
+    let found = error(&robot, &arm.replace("name=\"e\"", "name=\"e\" gear=\"2\""));
+    assert!(found.contains("`gear` of <joint> \"L_e\""), "{found}");
+}
+
 #[test]
 fn what_cannot_be_attached_is_named() {
     let one = |attributes: &str| robot(&format!("<attach {attributes}/>"), "radian");

@@ -161,6 +161,28 @@ fn links_without_mass_get_that_of_their_mesh() {
 }
 
 #[test]
+fn links_without_mass_get_that_of_shapes_fixed_to_them() {
+    let cube = "<collision><geometry><box size=\"0.1 0.1 0.1\"/></geometry></collision>";
+    let text = urdf(&format!(
+        "<link name=\"trunk\">{}</link><link name=\"leg\"/><link name=\"foot\">{cube}</link>{}{}",
+        inertial(5.0),
+        joint("hip", "revolute", "trunk", "leg", LIMIT),
+        joint("sole", "fixed", "leg", "foot", "")
+    ));
+    let model = read_urdf_str(&text, &mending()).unwrap();
+    let masses: Vec<f64> = model.bodies.iter().map(|body| body.mass).collect();
+    assert!(masses[..2] == [5.0, 0.0] && (masses[2] - 1.0).abs() < 1e-9, "{masses:?}");
+    says(
+        &model,
+        &["inertia of body \"foot\" it moves without mass or inertia in the file; its shapes weigh 1 kg"],
+    );
+    // The masses that a mending adds count for the robot's whole mass.
+    let total = "<mujoco><compiler settotalmass=\"12\"/></mujoco></robot>";
+    let model = read_urdf_str(&text.replace("</robot>", total), &mending()).unwrap();
+    assert!((model.total_mass() - 12.0).abs() < 1e-9 && (model.bodies[2].mass - 2.0).abs() < 1e-9);
+}
+
+#[test]
 fn parts_that_are_only_seen_refuse_no_robot() {
     let folder = tempfile::tempdir().unwrap();
     let seen = |at: &str| {

@@ -278,6 +278,36 @@ fn arm_is_what_mujoco_compiles_with_its_flags_honoured() {
     assert_eq!(model.name, "arm", "the file's stem names a model without a name");
 }
 
+/// MuJoCo 4.0.0: `actuator_gainprm` and `actuator_biasprm`.
+#[test]
+fn actuators_inherit_from_classes_as_in_mujoco() {
+    let beside = r#"<default class="c"><position kp="5" kv="2"/><motor/></default>"#;
+    let inside = r#"<position kp="5" kv="2"/><default class="c"><motor/></default>"#;
+    let mixed = r#"<velocity kv="7"/><default class="c"><position kp="5" kv="2"/><motor/></default>"#;
+    let general = r#"<general gainprm="3" biastype="affine" biasprm="1 2 -3"/><default class="c"/>"#;
+    let after = r#"<velocity kv="5"/><default class="c"><general gainprm="6"/></default>"#;
+    let affine = r#"general biastype="affine""#;
+    for (defaults, kind, gain, bias) in [
+        (beside, affine, 1.0, [0.0; 3]),
+        (beside, r#"position kp="7""#, 7.0, [0.0, -7.0, 0.0]),
+        (beside, "velocity", 1.0, [0.0, 0.0, -1.0]),
+        (inside, affine, 1.0, [0.0; 3]),
+        (inside, "position", 5.0, [0.0, -5.0, -2.0]),
+        (inside, "motor", 1.0, [0.0; 3]),
+        (mixed, "position", 1.0, [0.0, -1.0, 0.0]),
+        (mixed, "velocity", 7.0, [0.0, 0.0, -7.0]),
+        (general, "position", 3.0, [0.0, -3.0, -3.0]),
+        (after, "position", 6.0, [0.0, -6.0, -5.0]),
+    ] {
+        let text = format!(
+            r#"<mujoco><default>{defaults}</default><worldbody><body><joint name="j"/><geom size=".1"/></body>
+            </worldbody><actuator><{kind} joint="j" class="c"/></actuator></mujoco>"#
+        );
+        let actuator = &read_mjcf_str(&text, &ReadOptions::default()).unwrap().actuators[0];
+        assert_eq!((actuator.gain, actuator.bias), (gain, bias), "{kind} below {defaults}");
+    }
+}
+
 /// The reference robots of the shared data, when they are at hand.
 #[test]
 #[ignore = "needs recordings of real robots and reference numbers in ../shared"]

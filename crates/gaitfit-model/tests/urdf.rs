@@ -107,6 +107,26 @@ fn links_joints_and_shapes_are_read() {
 }
 
 #[test]
+fn joints_that_differ_by_their_ending_have_motors_of_their_own() {
+    let second = SMALL.replace(
+        "<transmission name=\"t\"/>",
+        r#"<joint name="turn_joint" type="continuous"><parent link="shoe"/><child link="toe"/></joint>
+        <joint name="knee_joint" type="continuous"><parent link="toe"/><child link="tip"/></joint>"#,
+    );
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><mass value=\"1\"/><inertia ixx=\"0.1\" iyy=\"0.1\" izz=\"0.1\" ixy=\"0\" \
+             ixz=\"0\" iyz=\"0\"/></inertial></link></robot>"
+        )
+    };
+    let text = second.replace("</robot>", &link("toe")).replace("</robot>", &link("tip"));
+    let model = urdf(&text).unwrap();
+    let mut names: Vec<&str> = model.actuators.iter().map(|actuator| actuator.name.as_str()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["knee", "turn", "turn_joint"]);
+}
+
+#[test]
 fn a_clamped_robot_hangs_in_the_air_and_a_world_link_is_the_world() {
     let fixed = ReadOptions { root: Some(Root::Fixed), ..Default::default() };
     let model = read_urdf_str(SMALL, &fixed).unwrap();

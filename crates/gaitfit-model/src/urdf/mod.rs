@@ -15,7 +15,7 @@ use crate::attributes::{Attributes, Context};
 use crate::coupling::resolve;
 use crate::error::ModelError;
 use crate::inertia::MASSLESS;
-use crate::model::{Actuator, Coupling, Root};
+use crate::model::{Actuator, Coupling, Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::orientation::{compose, euler};
 use crate::rotation::{IDENTITY, Quat, Vec3};
@@ -281,8 +281,16 @@ fn assemble(
 /// A motor for every joint that does not follow another one.
 fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling]) -> Vec<Actuator> {
     let joints = bodies.iter().flat_map(|body| &body.joints).enumerate();
-    let driven = joints.filter(|(index, _)| !couplings.iter().any(|coupling| coupling.follower == *index));
+    let follows = |index: usize| couplings.iter().any(|coupling| coupling.follower == index);
+    let driven: Vec<_> = joints.filter(|(index, _)| !follows(*index)).collect();
+    // `a_joint` gives its motor the name `a`, unless a joint `a` does.
+    let name = |joint: &Joint| {
+        let plain = joint.name.strip_suffix("_joint");
+        let free = plain.filter(|plain| driven.iter().all(|(_, (other, _))| other.name != *plain));
+        free.unwrap_or(&joint.name).to_string()
+    };
     driven
+        .iter()
         .map(|(index, (joint, _))| {
             // Joints are in the order of the tree, connections in that of the file: names match them.
             let moves_it = |connection: &&Connection| {
@@ -291,8 +299,8 @@ fn motors(bodies: &[BodySpec], connections: &[Connection], couplings: &[Coupling
             // 0 where the file states no effort: such a motor has no bound.
             let limit = connections.iter().find(moves_it).map_or(0.0, |connection| connection.effort);
             Actuator {
-                name: joint.name.strip_suffix("_joint").unwrap_or(&joint.name).to_string(),
-                joint: index,
+                name: name(joint),
+                joint: *index,
                 gear: 1.0,
                 ctrlrange: (limit > 0.0).then_some([-limit, limit]),
                 forcerange: None,
