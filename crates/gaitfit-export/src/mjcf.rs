@@ -150,8 +150,8 @@ pub(super) fn patched(
     Ok(edits.apply(text))
 }
 
-/// Sets to 0 what flags had switched off in tendons: the fitted robot has no tendons, and what is switched on for joints
-/// must not wake them.
+/// Sets to 0 what flags had switched off in tendons: the fitted robot has no tendons, and what is switched on for
+/// joints must not wake them.
 fn tendons(text: &str, document: &Document<'_>, switched: &[(&str, bool)], edits: &mut Edits) {
     let sections = document.root_element().children().filter(|node| node.has_tag_name("tendon"));
     for tendon in sections.flat_map(|section| section.children()).filter(Node::is_element) {

@@ -140,8 +140,8 @@ fn flags_that_are_switched_on_leave_tendons_off() {
 fn the_last_of_several_compilers_counts() {
     let file = ThetaFile::parse(
         "format = 2\n[[parameter]]\nname = \"s\"\nkind = \"stiffness\"\njoints = [\"one\"]\nvalue = 2.0\n\
-         [[parameter]]\nname = \"t\"\nkind = \"spring_torque\"\njoints = [\"one\"]\nvalue = 1.0\n[[parameter]]\nname = \"m\"\nkind = \
-         \"base_mass\"\nvalue = 0.5\n",
+         [[parameter]]\nname = \"t\"\nkind = \"spring_torque\"\njoints = [\"one\"]\nvalue = 1.0\n\
+         [[parameter]]\nname = \"m\"\nkind = \"base_mass\"\nvalue = 0.5\n",
     )
     .unwrap();
     let unset = "<compiler inertiafromgeom=\"true\" settotalmass=\"9\"/><compiler inertiafromgeom=\"false\" \
