@@ -2,7 +2,7 @@
 
 use super::joint::JointNumbers;
 use super::remarks::remarks;
-use gaitfit_model::{Model, shown_number};
+use gaitfit_model::{Model, Root, shown_number};
 use gaitfit_sim::Candidate;
 use std::fmt::Write;
 
@@ -31,24 +31,35 @@ const EXACT_LAG: f64 = 0.02;
 pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
     // All joints get one lag; the joint that it suits least decides the note.
     let written = lag(joints, step) as f64 * step;
-    let farthest = joints
-        .iter()
-        .map(|joint| joint.delay)
-        .max_by(|a, b| (a - written).abs().total_cmp(&(b - written).abs()))?;
-    ((farthest - written).abs() > EXACT_LAG * step).then(|| {
-        format!(
-            "DELAY ROUNDED: isaac_lab.py and mjlab_robot.py write {:.2} ms ({} physics steps of {:.2} ms), and the \
-             fitted delay is {:.2} ms{}. Their actuators use whole steps only. Take a physics step that divides the \
-             delay and give it here, for example --step {}; drive.py and theta.json have the exact value",
-            1e3 * written,
-            lag(joints, step),
-            1e3 * step,
-            1e3 * farthest,
-            if joints.iter().all(|joint| joint.delay == farthest) { "" } else { " (joints differ)" },
-            // The longest step up to the present one that divides the delay, in whole µs.
-            shown_number((1e6 * farthest / (farthest / step).ceil().max(1.0)).round() / 1e6)
-        )
-    })
+    let off = |joint: &JointNumbers| (joint.delay - written).abs();
+    let farthest = joints.iter().max_by(|a, b| off(a).total_cmp(&off(b)))?;
+    if off(farthest) <= EXACT_LAG * step {
+        return None;
+    }
+    let head = format!(
+        "DELAY ROUNDED: isaac_lab.py and mjlab_robot.py write {:.2} ms ({} physics steps of {:.2} ms)",
+        1e3 * written,
+        lag(joints, step),
+        1e3 * step
+    );
+    let delays = || joints.iter().map(|joint| joint.delay);
+    let (least, longest) = (delays().fold(f64::INFINITY, f64::min), delays().fold(0.0, f64::max));
+    // A step that divides the delay of one joint leaves the others as wrong as before.
+    if longest - least > EXACT_LAG * step {
+        return Some(format!(
+            "{head} for all joints, and the fitted delays are {:.2} to {:.2} ms. Their actuators have one delay here, \
+             so no --step suits all joints; drive.py and theta.json have the exact values",
+            1e3 * least,
+            1e3 * longest
+        ));
+    }
+    Some(format!(
+        "{head}, and the fitted delay is {:.2} ms. Their actuators use whole steps only. Take a physics step that \
+         divides the delay and give it here, for example --step {}; drive.py and theta.json have the exact value",
+        1e3 * farthest.delay,
+        // The longest step up to the present one that divides the delay, in whole µs.
+        shown_number((1e6 * farthest.delay / (farthest.delay / step).ceil().max(1.0)).round() / 1e6)
+    ))
 }
 
 /// Limit of a joint that has none, N·m, where other joints have one.
@@ -116,13 +127,22 @@ pub(super) fn isaac_lab(
     text
 }
 
-/// mjlab's robot: the exported MJCF and an actuator for each set of joints with the same numbers.
-pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
+/// mjlab's robot: the exported robot file and an actuator for each set of joints with the same numbers. `urdf`: how the
+/// robot hangs in the world, if its file is a URDF.
+pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64, urdf: Option<Root>) -> String {
     let lag = lag(joints, step);
     let mut text = String::from(
-        "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n\
-         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise, networks and torque \
-         that falls with speed: see drive.py. Friction at rest: load_theta.stribeck.\n\
+        "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n",
+    );
+    text.push_str(match urdf {
+        None => "Armature, damping, friction loss and springs are in robot.xml.",
+        Some(_) => {
+            "Damping and friction loss are in robot.urdf, and spec() adds the armature. Springs: see theta.json."
+        }
+    });
+    text.push_str(
+        " Bias, offset, noise, networks and torque that falls with speed: see drive.py. Friction at rest: \
+         load_theta.stribeck.\n\
          For mjlab 1.6, whose actuators have their delay themselves.\n\"\"\"\n\n\
          import pathlib\n\nimport mujoco\nfrom mjlab.actuator import BuiltinPositionActuatorCfg\n\n",
     );
@@ -133,10 +153,9 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
     if let Some(note) = lag_note(joints, step) {
         let _ = writeln!(text, "# {note}.\n");
     }
+    text.push_str(&spec(joints, urdf));
     text.push_str(
-        "\ndef spec():\n    spec = mujoco.MjSpec.from_file(str(pathlib.Path(__file__).with_name(\"robot.xml\")))\n    \
-         for actuator in list(spec.actuators):  # mjlab makes its own\n        spec.delete(actuator)\n    return spec\n\n\n\
-         def servo(joints, kp, kd, limit):\n    return BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
+        "def servo(joints, kp, kd, limit):\n    return BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
          damping=kd,\n                                      effort_limit=limit, delay_min_lag=LAG, delay_max_lag=LAG)\n\n\n",
     );
     if !gains {
@@ -161,5 +180,35 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
         done.push(key);
     }
     text.push_str(")\n");
+    text
+}
+
+/// The function of mjlab's robot that reads the robot file. A URDF has no armature, and MuJoCo fixes its base.
+fn spec(joints: &[JointNumbers], urdf: Option<Root>) -> String {
+    let file = if urdf.is_some() { "robot.urdf" } else { "robot.xml" };
+    let mut text = String::new();
+    if urdf.is_some() {
+        let entries = joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.armature));
+        let _ = writeln!(text, "ARMATURE = {{{}}}\n", entries.collect::<Vec<_>>().join(", "));
+    }
+    let _ = writeln!(
+        text,
+        "\ndef spec():\n    spec = mujoco.MjSpec.from_file(str(pathlib.Path(__file__).with_name(\"{file}\")))"
+    );
+    text.push_str(match urdf {
+        None => {
+            "    for actuator in list(spec.actuators):  # mjlab makes its own\n        spec.delete(actuator)\n"
+        }
+        Some(_) => {
+            "    for name, armature in ARMATURE.items():\n        spec.joint(name).armature = armature\n"
+        }
+    });
+    if urdf == Some(Root::Floating) {
+        text.push_str(
+            "    # MuJoCo joins the base of a URDF to the world.\n    spec.compiler.fusestatic = False\n    base = \
+             spec.worldbody.first_body()\n    if base.first_joint() is None:\n        base.add_freejoint()\n",
+        );
+    }
+    text.push_str("    return spec\n\n\n");
     text
 }

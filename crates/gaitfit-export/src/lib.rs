@@ -207,7 +207,10 @@ fn files_of(
         ("load_theta.py".to_owned(), code::LOADER.to_owned()),
         ("drive.py".to_owned(), code::DRIVE.to_owned()),
         ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, model, candidate)),
-        ("mjlab_robot.py".to_owned(), code::mjlab(&joints, gains.is_some(), step)),
+        (
+            "mjlab_robot.py".to_owned(),
+            code::mjlab(&joints, gains.is_some(), step, is_urdf.then_some(model.root)),
+        ),
     ];
     let mut files: Vec<_> = texts.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
     files.extend(networks::files(file)?);

@@ -6,9 +6,9 @@ import pathlib
 
 import mujoco
 
-# What a file may switch off, and theta.json has for every joint.
-FLAGS = ("mjDSBL_FRICTIONLOSS", "mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE")
-SWITCHED = sum(int(getattr(mujoco.mjtDisableBit, flag, 0)) for flag in FLAGS)
+# What a file may switch off, and theta.json has for every joint; the tendons' numbers that a switch concerns stay off.
+FLAGS = {"mjDSBL_FRICTIONLOSS": ("tendon_frictionloss",), "mjDSBL_SPRING": ("tendon_stiffness",),
+         "mjDSBL_DAMPER": ("tendon_damping",), "mjDSBL_PASSIVE": ("tendon_stiffness", "tendon_damping")}
 
 
 def load(path=pathlib.Path(__file__).with_name("theta.json")):
@@ -18,7 +18,12 @@ def load(path=pathlib.Path(__file__).with_name("theta.json")):
 def apply(model, theta):
     """Joints' numbers and masses of links of a model of the robot's original file; friction of all contacts. A spring_torque
     of a joint without stiffness is not among them: add it to data.qfrc_applied at every physics step."""
-    model.opt.disableflags &= ~SWITCHED
+    for flag, numbers in FLAGS.items():
+        bit = int(getattr(mujoco.mjtDisableBit, flag, 0))
+        if model.opt.disableflags & bit:
+            model.opt.disableflags &= ~bit
+            for name in numbers:
+                getattr(model, name)[:] = 0
     for name, joint in theta["joints"].items():
         place, dof = model.joint(name).id, model.joint(name).dofadr[0]
         model.dof_armature[dof], model.dof_frictionloss[dof] = joint["armature"], joint["frictionloss"]

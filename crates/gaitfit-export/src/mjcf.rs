@@ -55,16 +55,18 @@ fn base_inertial<'a, 'i>(document: &'a Document<'i>, model: &Model) -> Option<No
 /// A body's inertial that the compiler takes as it is.
 fn inertial<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
     // With these settings the compiler computes or scales masses, and the file's numbers are not the robot's.
-    let changed = document.descendants().filter(|node| node.has_tag_name("compiler")).any(|compiler| {
-        compiler.attribute("inertiafromgeom") == Some("true")
-            || compiler
-                .attribute("settotalmass")
-                .is_some_and(|mass| mass.trim().parse::<f64>().is_ok_and(|mass| mass > 0.0))
-    });
-    if changed {
+    let scaled = compiler(document, "settotalmass")
+        .is_some_and(|mass| mass.trim().parse::<f64>().is_ok_and(|mass| mass > 0.0));
+    if scaled || compiler(document, "inertiafromgeom") == Some("true") {
         return None;
     }
     body(document, name)?.children().find(|node| node.has_tag_name("inertial"))
+}
+
+/// A setting of the compiler. Of several, the last one in the file counts, as in MuJoCo.
+fn compiler<'a>(document: &'a Document<'_>, name: &str) -> Option<&'a str> {
+    let mut sections = document.root_element().children().rev().filter(|node| node.has_tag_name("compiler"));
+    sections.find_map(|node| node.attribute(name))
 }
 
 fn body<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
@@ -82,28 +84,25 @@ pub(super) fn patched(
     let document = parse(text)?;
     let mut edits = Edits::default();
     // MuJoCo takes angles in degrees unless the compiler says `radian`.
-    let degrees = !document
-        .descendants()
-        .filter(|node| node.has_tag_name("compiler"))
-        .any(|compiler| compiler.attribute("angle") == Some("radian"));
+    let degrees = compiler(&document, "angle") != Some("radian");
     // What the file's flags switch off is 0 in the model; where the fit has some, it is switched on, and written for all.
     let flags: Vec<Node<'_, '_>> = document.descendants().filter(|node| node.has_tag_name("flag")).collect();
-    let mut switch = |names: &[&str], needed: bool| {
-        let mut switched = false;
-        for (flag, name) in flags.iter().flat_map(|flag| names.iter().map(move |name| (flag, *name))) {
-            if needed && flag.attribute(name) == Some("disable") {
-                edits.set(text, *flag, name, "enable");
-                switched = true;
-            }
+    let mut switch = |name: &str, needed: bool| {
+        let off: Vec<_> = flags.iter().filter(|flag| flag.attribute(name) == Some("disable")).collect();
+        for flag in off.iter().filter(|_| needed) {
+            edits.set(text, **flag, name, "enable");
         }
-        switched
+        needed && !off.is_empty()
     };
     let friction = switch(
-        &["frictionloss"],
+        "frictionloss",
         joints.iter().any(|joint| joint.frictionloss + joint.stiction + joint.load_friction != 0.0),
     );
-    let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.has_spring);
-    let passive = switch(&["passive", "damper", "spring"], passive);
+    let needed = joints.iter().any(|joint| joint.damping != 0.0 || joint.has_spring);
+    let [both, damper, spring] = ["passive", "damper", "spring"].map(|name| switch(name, needed));
+    let passive = both || damper || spring;
+    let switched = [("frictionloss", friction), ("damping", both || damper), ("stiffness", both || spring)];
+    tendons(text, &document, &switched, &mut edits);
     // Only numbers that differ are written, so the file keeps its text and comments.
     for (joint, own) in joints.iter().zip(&model.joints) {
         // Elements `joint` of defaults, tendons and equalities are not joints of the tree.
@@ -149,6 +148,17 @@ pub(super) fn patched(
         actuators(text, &document, model, joints, &mut edits);
     }
     Ok(edits.apply(text))
+}
+
+/// Sets to 0 what flags had switched off in tendons: the fitted robot has no tendons, and what is switched on for
+/// joints must not wake them.
+fn tendons(text: &str, document: &Document<'_>, switched: &[(&str, bool)], edits: &mut Edits) {
+    let sections = document.root_element().children().filter(|node| node.has_tag_name("tendon"));
+    for tendon in sections.flat_map(|section| section.children()).filter(Node::is_element) {
+        for (name, _) in switched.iter().filter(|(_, on)| *on) {
+            edits.set(text, tendon, name, "0");
+        }
+    }
 }
 
 /// Mass and centre of mass of the base, and a load on it.

@@ -44,8 +44,8 @@ fn names(networks: &[SavedNetwork]) -> Vec<String> {
         let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' || c == '-' { c } else { '_' };
         // Most file systems take names of 255 bytes at most.
         let mut name: String = network.name.chars().take(100).map(plain).collect();
-        // An empty name, or one that is taken, gets the network's number.
-        while name.is_empty() || names.contains(&name) {
+        // An empty name, or one that is taken, gets the network's number. Some file systems take `a` and `A` for one.
+        while name.is_empty() || names.iter().any(|taken| taken.eq_ignore_ascii_case(&name)) {
             name = format!("{name}_{number}");
         }
         names.push(name);

@@ -21,12 +21,19 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
     for table in &mut source.tables {
         let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
         let mut observed: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        let unmeasured = unmeasured(&table.columns);
         for (name, values) in std::mem::take(&mut table.columns) {
             let taken = source.chosen
                 || take.is_empty()
                 || take.iter().any(|wanted| {
                     table.name.starts_with(wanted.as_str()) || name.starts_with(wanted.as_str())
                 });
+            let within = |begin: &String| {
+                name.strip_prefix(begin.as_str()).is_some_and(|rest| rest.starts_with(['/', '.']))
+            };
+            if !said.contains_key(&name) && unmeasured.iter().any(within) {
+                continue;
+            }
             // What the mapping says wins, and takes the quantity away from columns that only look like it.
             let known = match said.get(&name) {
                 Some(known) => Some(known.clone()),
@@ -66,6 +73,8 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
             observation::unpack(&table.name, observed, mapping, &mut columns, &mut source.left_out)?;
         }
         table.columns = columns;
+        let not = "not measured, because its covariance begins with -1";
+        source.left_out.extend(unmeasured.iter().map(|begin| format!("{}: {not}", shown(begin))));
     }
     if !unknown.is_empty() {
         let names = listed(unknown.iter().map(|name| shown(name)), 12);
@@ -74,6 +83,19 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
     // A table without known columns takes no part in the join.
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
+}
+
+/// Names of quantities that are not measured: by `sensor_msgs/Imu`, their covariance begins with -1. PlotJuggler
+/// exports both.
+fn unmeasured(columns: &IndexMap<String, Vec<f64>>) -> Vec<String> {
+    let firsts = ["[0]", "[0;0]", ".0", "/0"].map(|place| format!("_covariance{place}"));
+    let quantity = |name: &str| {
+        let begin = firsts.iter().find_map(|end| name.strip_suffix(end.as_str()))?;
+        let known = ["orientation", "angular_velocity"].iter().any(|known| begin.ends_with(known));
+        known.then(|| begin.to_owned())
+    };
+    let missing = columns.iter().filter(|(_, values)| values.first() == Some(&-1.0));
+    missing.filter_map(|(name, _)| quantity(name)).collect()
 }
 
 /// The log's column `known` under the robot's name of its joint.

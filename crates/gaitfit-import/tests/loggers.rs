@@ -69,6 +69,23 @@ fn gravity_rates_and_commands_by_usual_names() {
 }
 
 #[test]
+fn what_a_covariance_of_minus_one_says_is_not_measured_is_left_out() {
+    let columns = "q_0,q_1,/imu/orientation_covariance[0;0],/imu/orientation/x,/imu/orientation/y,/imu/orientation/z,\
+                   /imu/orientation/w,/imu/angular_velocity/x,/imu/angular_velocity/y,/imu/angular_velocity/z";
+    let read = |covariance: f64| {
+        let row = move |_: usize, t: f64| {
+            vec![wave(t), wave(t + 1.0), covariance, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.2]
+        };
+        csv(columns, row, joints()).unwrap()
+    };
+    let base = |covariance: f64| read(covariance).trajectory.base.unwrap();
+    assert!(base(0.0).quaternion.is_some() && base(-1.0).quaternion.is_none());
+    assert_eq!(base(-1.0).angular_velocity.unwrap()[..3], [0.0, 0.0, 0.2]);
+    let left_out = read(-1.0).report.left_out;
+    assert!(left_out.iter().any(|line| line.starts_with("/imu/orientation: not measured")), "{left_out:?}");
+}
+
+#[test]
 fn observations_are_unpacked_by_the_policys_interface() {
     let part =
         |column: &str, scale: f64, offset: f64| Some(ObservedNumber { column: column.into(), scale, offset });

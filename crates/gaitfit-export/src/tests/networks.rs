@@ -63,7 +63,7 @@ fn networks_are_files_of_their_own() {
     assert_eq!(factor.into_vec::<f64>().unwrap(), [1.5, 0.1, 1.5, 0.1, 1.5, 0.1]);
     // Names that are the same once they are names of files.
     let mut alike = with_networks();
-    (alike.network[0].name, alike.network[1].name) = ("a_2".to_owned(), "a".to_owned());
+    (alike.network[0].name, alike.network[1].name) = ("a_2".to_owned(), "A".to_owned());
     let third = gaitfit_adapt::SavedNetwork {
         name: "a".to_owned(),
         joint: "FL_calf".to_owned(),
@@ -71,8 +71,9 @@ fn networks_are_files_of_their_own() {
     };
     alike.network.insert(1, third);
     let names: Vec<String> = written(&alike).0.files.into_iter().map(|(name, _)| name).collect();
-    let onnx: std::collections::HashSet<&String> =
-        names.iter().filter(|name| name.ends_with(".onnx")).collect();
+    // Also on file systems that take `a` and `A` for one name.
+    let onnx: std::collections::HashSet<String> =
+        names.iter().filter(|name| name.ends_with(".onnx")).map(|name| name.to_lowercase()).collect();
     assert_eq!(onnx.len(), 3, "{names:?}");
     // The same fit gives the same bytes, and a fit without networks none of these files.
     assert_eq!(written(&with_networks()).0.files, exported.files);

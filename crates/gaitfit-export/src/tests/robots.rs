@@ -75,3 +75,87 @@ fn only_joints_and_links_of_the_robot_are_changed_in_a_urdf() {
     assert_eq!((again.joints[0].damping, again.bodies[1].mass), (0.3, 3.0));
     assert!(robot.contains("<joint name=\"swing\"/>"), "{robot}");
 }
+
+#[test]
+fn mjlab_reads_the_robot_file_that_is_written() {
+    for (text, is_urdf, name) in [(builtin::GO2, false, "robot.xml"), (GO2_URDF, true, "robot.urdf")] {
+        let read = if is_urdf { read_urdf_str } else { read_mjcf_str };
+        let model = read(text, &ReadOptions::default()).unwrap();
+        let file = theta_of(&model, 0.0);
+        let candidate = file.candidate(&model).unwrap();
+        let exported = files_of(&file, &model, text, is_urdf, &candidate, None, STEP).unwrap();
+        let code = content(&exported, "mjlab_robot.py");
+        assert!(code.contains(&format!("with_name(\"{name}\")")), "{code}");
+        // A URDF has no place for them.
+        assert_eq!(code.contains("armature = armature"), is_urdf, "{code}");
+        assert_eq!(code.contains("base.add_freejoint()"), is_urdf, "{code}");
+        assert_eq!(code.contains("0.035"), is_urdf, "{code}");
+        assert!(exported.files.iter().any(|(file, _)| file == name));
+    }
+}
+
+#[test]
+fn no_step_is_named_where_joints_have_different_delays() {
+    let model = read_mjcf_str(TWO, &ReadOptions::default()).unwrap();
+    let delay = |joint: &str, value: f64| {
+        format!(
+            "[[parameter]]\nname = \"{joint}\"\nkind = \"delay\"\njoints = [\"{joint}\"]\nvalue = {value:?}\n"
+        )
+    };
+    let file =
+        ThetaFile::parse(&format!("format = 2\n{}{}", delay("one", 0.002), delay("two", 0.01))).unwrap();
+    let candidate = file.candidate(&model).unwrap();
+    let exported = files_of(&file, &model, TWO, false, &candidate, None, STEP).unwrap();
+    let note = exported.notes.iter().find(|note| note.contains("DELAY ROUNDED")).unwrap();
+    assert!(note.contains("2.00 to 10.00 ms") && !note.contains("for example"), "{note}");
+}
+
+#[test]
+fn flags_that_are_switched_on_leave_tendons_off() {
+    let flags = "<option><flag frictionloss=\"disable\" spring=\"disable\"/></option>";
+    let tendon = "<tendon><fixed name=\"t\" stiffness=\"3\" damping=\"2\" frictionloss=\"1\"><joint joint=\"one\" \
+                  coef=\"1\"/></fixed></tendon>";
+    let text = TWO.replacen("<worldbody>", &format!("{flags}{tendon}<worldbody>"), 1);
+    let model = read_mjcf_str(&text, &ReadOptions { lenient: true, ..ReadOptions::default() }).unwrap();
+    let exported = |kind: &str| {
+        let parameter =
+            format!("[[parameter]]\nname = \"p\"\nkind = \"{kind}\"\njoints = [\"one\"]\nvalue = 0.5\n");
+        let file = ThetaFile::parse(&format!("format = 2\n{parameter}")).unwrap();
+        let candidate = file.candidate(&model).unwrap();
+        let exported = files_of(&file, &model, &text, false, &candidate, None, STEP).unwrap();
+        content(&exported, "robot.xml").to_owned()
+    };
+    let tendon = |numbers: &str| format!("<fixed name=\"t\" {numbers}>");
+    let friction = exported("frictionloss");
+    assert!(friction.contains("<flag frictionloss=\"enable\" spring=\"disable\"/>"), "{friction}");
+    assert!(friction.contains(&tendon("stiffness=\"3\" damping=\"2\" frictionloss=\"0\"")), "{friction}");
+    let spring = exported("stiffness");
+    assert!(spring.contains(&tendon("stiffness=\"0\" damping=\"2\" frictionloss=\"1\"")), "{spring}");
+    // What nothing switches on stays as it is.
+    let load = exported("link_mass");
+    assert!(load.contains(flags) && load.contains("stiffness=\"3\""), "{load}");
+}
+
+#[test]
+fn the_last_of_several_compilers_counts() {
+    let file = ThetaFile::parse(
+        "format = 2\n[[parameter]]\nname = \"s\"\nkind = \"stiffness\"\njoints = [\"one\"]\nvalue = 2.0\n\
+         [[parameter]]\nname = \"t\"\nkind = \"spring_torque\"\njoints = [\"one\"]\nvalue = 1.0\n\
+         [[parameter]]\nname = \"m\"\nkind = \"base_mass\"\nvalue = 0.5\n",
+    )
+    .unwrap();
+    let unset = "<compiler inertiafromgeom=\"true\" settotalmass=\"9\"/><compiler inertiafromgeom=\"false\" \
+                 settotalmass=\"-1\"/>";
+    for more in
+        ["<compiler angle=\"degree\"/>", "<compiler angle=\"degree\"/><compiler angle=\"radian\"/>", unset]
+    {
+        let text = TWO.replacen("<worldbody>", &format!("{more}<worldbody>"), 1);
+        let model = read_mjcf_str(&text, &ReadOptions::default()).unwrap();
+        let candidate = file.candidate(&model).unwrap();
+        let exported = files_of(&file, &model, &text, false, &candidate, None, STEP).unwrap();
+        let again = read_mjcf_str(content(&exported, "robot.xml"), &ReadOptions::default()).unwrap();
+        let spring = &again.joints[0];
+        assert!((spring.stiffness * spring.springref - 1.0).abs() < 1e-12, "{more}: {}", spring.springref);
+        assert!((again.bodies[0].mass - 2.5).abs() < 1e-12, "{more}");
+    }
+}

@@ -2,7 +2,7 @@
 
 pub use super::findings::SwingFindings;
 use super::singles;
-pub use super::swing_numbers::{SwingNumber, numbers, prior_toml, sensor_numbers};
+pub use super::swing_numbers::{SwingNumber, numbers, prior_key, prior_toml, sensor_numbers};
 use crate::log::Log;
 use crate::watch::Watch;
 use gaitfit_adapt::JointParameter;

@@ -106,13 +106,26 @@ pub fn sensor_numbers(findings: &SwingFindings, step: Option<f64>) -> Vec<SwingN
     tilt.chain(bias).chain(lag).map(|(kind, estimate)| number(kind, &estimate)).collect()
 }
 
+/// The name of a parameter as a key of TOML: in quotes if it has other characters than bare keys have.
+pub fn prior_key(name: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    match !name.is_empty() && name.chars().all(plain) {
+        true => name.to_owned(),
+        // Escapes of TOML's basic strings are those of JSON.
+        false => serde_json::Value::from(name).to_string(),
+    }
+}
+
 /// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Numbers of sensors are comments, because no fit
 /// has them by default. The user must leave out the lines of parameters that the fit does not change.
 pub fn prior_toml(findings: &SwingFindings, report: &SwingReport, step: f64) -> String {
     let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
     let mut line = |kind: JointParameter, group: &str, one: Estimate, slope: f64, by_load: f64| {
         let Estimate { value, error } = one;
-        let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
+        let name = match group {
+            "" => kind.name().to_owned(),
+            _ => prior_key(&format!("{}_{group}", kind.name())),
+        };
         // A prior needs a deviation above 0 in five decimals.
         let error = error.max(1e-5);
         let load = if by_load == 0.0 { String::new() } else { format!(", by_load = {by_load:.5}") };

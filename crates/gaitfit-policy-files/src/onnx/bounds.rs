@@ -31,7 +31,8 @@ impl Bounds {
             let (Some(factor), Some(offset)) = (at(factor, index), at(offset, index)) else {
                 return Err(misfit("its constant is not of as many numbers as the layer before it gives"));
             };
-            *bound = bound.map(|limit| factor * limit + offset);
+            // Also without a limit: 0 times the infinite is no number.
+            *bound = bound.map(|limit| if factor == 0.0 { offset } else { factor * limit + offset });
             // A negative factor exchanges the bounds.
             bound.sort_by(f64::total_cmp);
         }
@@ -60,5 +61,19 @@ impl Bounds {
             })
         };
         self.0.iter().map(magnitude).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_factor_of_zero_leaves_the_offset_also_without_a_limit() {
+        let mut bounds = Bounds::new(3);
+        bounds.narrow(-1.0, f64::INFINITY);
+        bounds.scale(&[0.0, -2.0, 1.0], &[0.5, 0.0, 1.0]).unwrap();
+        assert_eq!(bounds.0, [[0.5, 0.5], [f64::NEG_INFINITY, 2.0], [0.0, f64::INFINITY]]);
     }
 }

@@ -15,8 +15,8 @@ const CLOSE: f64 = 1e-4;
 struct Fused {
     operator: &'static str,
     input: String,
-    /// ε of a layer norm.
-    epsilon: Option<f64>,
+    /// ε and axis of a layer norm.
+    norm: Option<(f64, i64)>,
     /// Nodes that it replaces, without the last.
     inner: Vec<usize>,
 }
@@ -74,17 +74,20 @@ pub(super) fn fuse(nodes: Vec<Node>, constants: &HashMap<String, Constant>, outp
     });
     kept.map(|(index, node)| match fused.get(&index) {
         None => node.clone(),
-        Some(Fused { operator, input, epsilon, .. }) => {
-            let attribute = epsilon.map(|epsilon| {
+        Some(Fused { operator, input, norm, .. }) => {
+            let attributes = norm.iter().flat_map(|&(epsilon, i)| {
                 let f = epsilon as f32;
-                Attribute { name: "epsilon".to_owned(), f, ..Attribute::default() }.encode_to_vec()
+                [
+                    Attribute { name: "epsilon".to_owned(), f, ..Attribute::default() },
+                    Attribute { name: "axis".to_owned(), i, ..Attribute::default() },
+                ]
             });
             Node {
                 input: vec![input.clone()],
                 output: node.output.clone(),
                 name: node.name.clone(),
                 op_type: (*operator).to_owned(),
-                attribute: attribute.into_iter().collect(),
+                attribute: attributes.map(|attribute| attribute.encode_to_vec()).collect(),
                 domain: String::new(),
             }
         }
@@ -119,7 +122,7 @@ impl Nodes<'_> {
         [(a, b), (b, a)].into_iter().find_map(|(x, gate)| {
             // The product commutes, so each factor is tried as the gate.
             let sigmoid = self.made_by(gate, "Sigmoid")?;
-            let silu = Fused { operator: "Silu", input: x.clone(), epsilon: None, inner: vec![sigmoid] };
+            let silu = Fused { operator: "Silu", input: x.clone(), norm: None, inner: vec![sigmoid] };
             (self.input(sigmoid, 0) == Some(x)).then_some(silu)
         })
     }
@@ -201,11 +204,11 @@ impl Nodes<'_> {
                     (cube && right).then_some("GeluTanh")?
                 }
             };
-            Some(Fused { operator, input: x.clone(), epsilon: None, inner })
+            Some(Fused { operator, input: x.clone(), norm: None, inner })
         })
     }
 
-    /// (x − mean) / √(variance + ε) over the last axis.
+    /// (x − mean) / √(variance + ε) over one axis. Only who knows the shape of x can say whether it is the last one.
     fn layer_norm(&self, node: &Node) -> Option<Fused> {
         let [centred, root] = &node.input[..] else { return None };
         // From the quotient upwards: root, sum with ε, variance, square, difference and mean of the same x.
@@ -218,7 +221,7 @@ impl Nodes<'_> {
             (Some(epsilon), _) => (b, epsilon),
             _ => return None,
         };
-        let variance = self.mean(variance)?;
+        let (variance, axis) = self.mean(variance)?;
         let square = *self.producer.get(self.input(variance, 0)?)?;
         let squared = match self.nodes[square].op_type.as_str() {
             "Mul" => self.nodes[square].input == [centred.clone(), centred.clone()],
@@ -227,24 +230,22 @@ impl Nodes<'_> {
         };
         let difference = self.made_by(centred, "Sub")?;
         let x = self.input(difference, 0)?;
-        let mean = self.mean(self.input(difference, 1)?)?;
+        let (mean, same) = self.mean(self.input(difference, 1)?)?;
         let inner = vec![root, sum, variance, square, difference, mean];
-        let norm =
-            Fused { operator: "LayerNormalization", input: x.to_owned(), epsilon: Some(epsilon), inner };
-        (squared && self.input(mean, 0) == Some(x)).then_some(norm)
+        let norm = Some((epsilon, axis));
+        let norm = Fused { operator: "LayerNormalization", input: x.to_owned(), norm, inner };
+        (squared && axis == same && self.input(mean, 0) == Some(x)).then_some(norm)
     }
 
-    /// The node of a mean over the last axis.
-    fn mean(&self, name: &str) -> Option<usize> {
+    /// The node of a mean over one axis, and the axis.
+    fn mean(&self, name: &str) -> Option<(usize, i64)> {
         let index = self.made_by(name, "ReduceMean")?;
         let attributes = Attributes::decode(&self.nodes[index]).ok()?;
-        let axes = match self.input(index, 1) {
+        let axis = match self.input(index, 1) {
             Some(axes) => self.scalar(axes).map(|axis| axis as i64),
             None => attributes.one_of("axes"),
         };
-        // Rows have two axes, robots and numbers, so axis 1 is the last one too.
-        let last = matches!(axes, Some(-1 | 1));
         // Without the kept axis the mean could not be subtracted row by row.
-        (last && attributes.integer("keepdims", 1) == 1).then_some(index)
+        Some((index, axis?)).filter(|_| attributes.integer("keepdims", 1) == 1)
     }
 }

@@ -123,6 +123,9 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
     let (Some(output), true) = (model.outputs.first(), model.outputs.len() == 1 || remembers) else {
         return Err(invalid(format!("its graph has {} outputs; a policy has one", model.outputs.len())));
     };
+    // A row has two axes, the robots' and that of its numbers. Axes between them may hold several rows of a robot.
+    let lengths = dimensions(input)?;
+    let between = lengths.get(1..lengths.len().saturating_sub(1)).unwrap_or_default();
     let mut walk = Walk {
         constants: model.constants.clone(),
         numbers: model.constants.values().map(|constant| constant.values.len()).sum(),
@@ -130,6 +133,8 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
         states,
         memories: model.nodes.iter().filter(|node| is_recurrent(&node.op_type)).count(),
         steps: false,
+        axes: lengths.len().max(2),
+        stacked: between.iter().flatten().any(|&length| length > 1),
         input_width: last_dimension(input)?,
         chain: Chain::default(),
         parts: Parts::default(),
@@ -182,6 +187,11 @@ pub(super) fn dimensions(value: &ValueInfo) -> Result<Vec<Option<usize>>, Policy
     shape.dim.iter().take(MAX_AXES + 1).map(length).collect()
 }
 
+/// Whether `axis` is the last one of a value with so many axes.
+pub(super) fn is_last(axis: i64, axes: usize) -> bool {
+    axis == -1 || usize::try_from(axis).is_ok_and(|axis| axis + 1 == axes)
+}
+
 pub(super) struct Walk {
     pub(super) constants: HashMap<String, Constant>,
     /// Numbers in `constants`.
@@ -194,6 +204,10 @@ pub(super) struct Walk {
     pub(super) memories: usize,
     /// Whether the chain's value has an axis of time steps before its rows.
     pub(super) steps: bool,
+    /// Number of axes of the chain's value.
+    pub(super) axes: usize,
+    /// Whether the chain's value has several rows of each robot.
+    stacked: bool,
     /// The observation's width, where the file states it.
     input_width: Option<usize>,
     pub(super) chain: Chain,
@@ -285,14 +299,13 @@ impl Walk {
         match (node.op_type.as_str(), first) {
             // Dropout does nothing outside a training.
             ("Identity" | "Dropout", true) => Ok(()),
-            // Rows have one axis besides the first, so this leaves them as they are.
-            ("Flatten", true) if attributes.integer("axis", 1) == 1 => Ok(()),
-            ("Cast", true) if attributes.integer("to", 0) == i64::from(FLOAT) => Ok(()),
-            ("Reshape", true) => {
-                let width = self.chain.width().or(self.input_width);
-                let harmless = constant(1).is_some_and(|shape| keeps_rows(&shape.values, width));
-                if harmless { Ok(()) } else { Err(unread("it reshapes rows; only [−1, width] is read")) }
+            // The numbers of a robot become one row, in the same order.
+            ("Flatten", true) if attributes.integer("axis", 1) == 1 => {
+                self.flat();
+                Ok(())
             }
+            ("Cast", true) if attributes.integer("to", 0) == i64::from(FLOAT) => Ok(()),
+            ("Reshape", true) => self.reshape(inputs.get(1).copied()),
             ("Elu", true) => self.chain.activate(Activation::elu(attributes.number("alpha", 1.0))),
             ("LeakyRelu", true) => {
                 self.chain.activate(Activation::LeakyRelu(attributes.number("alpha", 0.01)))
@@ -312,13 +325,15 @@ impl Walk {
                 b"tanh" => Activation::GeluTanh,
                 _ => Activation::Gelu,
             }),
-            // Rows have two axes, so both numbers name the last one.
-            ("LayerNormalization", true) if matches!(attributes.integer("axis", -1), -1 | 1) => {
+            ("LayerNormalization", true) if is_last(attributes.integer("axis", -1), self.axes) => {
                 let norm = self.layer_norm(inputs, attributes)?;
                 self.chain.norm(norm)
             }
             ("Relu", true) => self.chain.activate(Activation::Relu),
             ("Tanh", true) => self.chain.activate(Activation::Tanh),
+            ("MatMul" | "Gemm", true) if self.stacked => {
+                Err(unread("it works on several rows of the observation, one by one"))
+            }
             ("MatMul", true) => {
                 let layer = linear(
                     constant(1).ok_or(NodeError::NotConstant("its weight is not a constant"))?,
@@ -378,6 +393,28 @@ impl Walk {
                  them, or run the whole file as a function in Python (gaitfit.Policy, docs/python.md)"
             ))),
         }
+    }
+
+    /// A reshape of the chain's value to the constant `shape`.
+    fn reshape(&mut self, shape: Option<&str>) -> Result<(), NodeError> {
+        let width = self.chain.width().or(self.input_width);
+        let harmless = shape
+            .and_then(|name| self.constants.get(name))
+            .is_some_and(|shape| keeps_rows(&shape.values, width, self.axes, self.stacked));
+        if !harmless {
+            return Err(unread("it reshapes rows; only [−1, width] is read"));
+        }
+        self.flat();
+        Ok(())
+    }
+
+    /// All axes behind the first become one.
+    fn flat(&mut self) {
+        if self.stacked {
+            // Until now it was that of each of several rows.
+            self.input_width = None;
+        }
+        (self.axes, self.stacked) = (2, false);
     }
 
     /// The weights of a layer norm.

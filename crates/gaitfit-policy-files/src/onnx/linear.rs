@@ -45,10 +45,16 @@ pub(super) fn gemm(
     Ok(layer)
 }
 
-/// Whether a reshape to `shape` leaves rows of `width` as they are.
-pub(super) fn keeps_rows(shape: &[f64], width: Option<usize>) -> bool {
+/// Whether a reshape to `shape` leaves rows of `width` as they are. `axes`: how many the value has; `stacked`: whether
+/// it has several such rows of each robot, which may become one.
+pub(super) fn keeps_rows(shape: &[f64], width: Option<usize>, axes: usize, stacked: bool) -> bool {
     let width = width.map(|width| width as f64);
     match *shape {
+        // A 0 in the second place names an axis between the robots' and the numbers'.
+        [rows, last] if axes > 2 => {
+            (rows == 0.0 && last == -1.0)
+                || (!stacked && (rows == -1.0 || rows == 0.0) && Some(last) == width)
+        }
         // 0 keeps the length of that axis.
         [rows, last] => {
             (rows == -1.0 && (Some(last) == width || last == 0.0))

@@ -2,7 +2,7 @@
 
 use super::attributes::Attributes;
 use super::constant::Constant;
-use super::graph::Walk;
+use super::graph::{Walk, is_last};
 use super::moves::range;
 use super::node_error::{NodeError, misfit, unread};
 use super::proto::Node;
@@ -66,9 +66,9 @@ impl Walk {
             ));
         };
         let ranges = if node.op_type == "Split" {
-            split(node, attributes, width, |name| self.constants.get(name))?
+            split(node, attributes, width, self.axes, |name| self.constants.get(name))?
         } else {
-            vec![slice(node, width, |name| self.constants.get(name))?]
+            vec![slice(node, width, self.axes, |name| self.constants.get(name))?]
         };
         if ranges.len() != node.output.len() || ranges.iter().any(Range::is_empty) {
             return Err(misfit(format!("it does not cut {width} numbers into {} parts", node.output.len())));
@@ -90,12 +90,9 @@ impl Walk {
     }
 }
 
-/// Whether an axis of a row of numbers is that of the numbers: rows have two axes.
-fn of_numbers(axis: i64) -> Result<(), NodeError> {
-    match axis {
-        -1 | 1 => Ok(()),
-        _ => Err(unread("it cuts between rows, not a row")),
-    }
+/// Refuses a cut along another axis than that of a row's numbers, the last one.
+fn of_numbers(axis: i64, axes: usize) -> Result<(), NodeError> {
+    if is_last(axis, axes) { Ok(()) } else { Err(unread("it cuts between rows, not a row")) }
 }
 
 /// The parts of a `Split`.
@@ -103,9 +100,10 @@ fn split<'a>(
     node: &Node,
     attributes: &Attributes,
     width: usize,
+    axes: usize,
     constant: impl Fn(&str) -> Option<&'a Constant>,
 ) -> Result<Vec<Range<usize>>, NodeError> {
-    of_numbers(attributes.integer("axis", 0))?;
+    of_numbers(attributes.integer("axis", 0), axes)?;
     let given = node.input.get(1).filter(|name| !name.is_empty());
     let sizes: Vec<usize> = match (given, attributes.list("split")) {
         (Some(name), _) => {
@@ -139,6 +137,7 @@ fn split<'a>(
 fn slice<'a>(
     node: &Node,
     width: usize,
+    axes: usize,
     constant: impl Fn(&str) -> Option<&'a Constant>,
 ) -> Result<Range<usize>, NodeError> {
     let number = |place: usize| {
@@ -153,7 +152,7 @@ fn slice<'a>(
         return Err(unread("its limits are not inputs of it; export with operator set 10 or later"));
     };
     // ONNX slices the first axis where no axis is given, and that is the axis of robots.
-    of_numbers(number(3).transpose()?.map_or(0, |axis| axis as i64))?;
+    of_numbers(number(3).transpose()?.map_or(0, |axis| axis as i64), axes)?;
     if number(4).transpose()?.is_some_and(|step| step != 1.0) {
         return Err(unread("it takes steps; only whole parts are read"));
     }

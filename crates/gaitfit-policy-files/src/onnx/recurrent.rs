@@ -69,8 +69,11 @@ impl Walk {
             "Reshape" if behind_memory => {
                 let shape = node.input.get(1).and_then(|name| self.constants.get(name));
                 let units = self.chain.width().map(|units| units as f64);
-                return shape
-                    .is_some_and(|shape| shape.values.len() >= 3 && shape.values.last().copied() == units);
+                let many = shape
+                    .filter(|shape| shape.values.len() >= 3 && shape.values.last().copied() == units)
+                    .map(|shape| shape.values.len());
+                self.axes = many.unwrap_or(self.axes);
+                return many.is_some();
             }
             _ => return false,
         }
@@ -82,10 +85,14 @@ impl Walk {
             // first layer.
             let first = !self.steps && self.chain.remembering() == 0 && axes == Some(vec![0]);
             self.steps |= first;
+            self.axes += usize::from(first);
             return first;
         }
-        behind_memory
-            && axes.is_some_and(|axes| !axes.is_empty() && axes.iter().all(|axis| matches!(axis, 0 | 1)))
+        let gone = axes.filter(|axes| {
+            behind_memory && !axes.is_empty() && axes.iter().all(|axis| matches!(axis, 0 | 1))
+        });
+        self.axes = self.axes.saturating_sub(gone.as_ref().map_or(0, Vec::len));
+        gone.is_some()
     }
 
     /// One layer with a memory.
@@ -125,6 +132,8 @@ impl Walk {
             self.states.insert(output.clone(), Remembered { origin, layer: Some(number) });
         }
         self.head = node.output.first().cloned().unwrap_or_default();
+        // What it gives has a further axis, that of the directions.
+        self.axes += 1;
         Ok(())
     }
 }

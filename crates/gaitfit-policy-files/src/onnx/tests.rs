@@ -198,6 +198,76 @@ fn double_precision_is_rounded() {
     assert_eq!(network.parameters[..6], [0.1_f32; 6]);
 }
 
+/// As [`network`], with an input of this shape.
+fn shaped(nodes: &[Node], dims: &[i64]) -> Result<Network, String> {
+    let mut decoded = decode(&model(nodes, &constants()), None).unwrap();
+    let length = |&length: &i64| Dimension { dim_value: Some(length), dim_param: None }.encode_to_vec();
+    let shape = Some(TensorShape { dim: dims.iter().map(length).collect() });
+    let kind = Some(Type { tensor: Some(TensorType { elem_type: FLOAT, shape }) });
+    decoded.inputs = vec![ValueInfo { name: "x".into(), kind }];
+    let chain = walk(&decoded).and_then(|chain| chain.read(None));
+    chain.map(|read| read.network).map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_layer_norm_is_over_the_last_axis() {
+    let layer = node("MatMul", &["x", "w"], "h");
+    let rest = [node("Relu", &["n"], "a"), node("MatMul", &["a", "v"], "y")];
+    let formula = |axis: i64| {
+        let axes = Attribute { name: "axes".into(), ints: vec![axis], ..Attribute::default() };
+        let mean = |from: &str, to: &str| with(node("ReduceMean", &[from], to), axes.clone());
+        let norm = [
+            layer.clone(),
+            mean("h", "mean"),
+            node("Sub", &["h", "mean"], "d"),
+            node("Mul", &["d", "d"], "square"),
+            mean("square", "variance"),
+            node("Add", &["variance", "two"], "sum"),
+            node("Sqrt", &["sum"], "root"),
+            node("Div", &["d", "root"], "n"),
+        ];
+        [&norm[..], &rest].concat()
+    };
+    let operator = |axis: i64| {
+        let norm = with(node("LayerNormalization", &["h", "b"], "n"), integer("axis", axis));
+        [&[layer.clone(), norm][..], &rest].concat()
+    };
+    for (axis, dims, last) in [
+        (1, &[1, 2][..], true),
+        (-1, &[1, 2], true),
+        (0, &[1, 2], false),
+        (1, &[1, 1, 2], false),
+        (2, &[1, 1, 2], true),
+        (-1, &[1, 1, 2], true),
+    ] {
+        for nodes in [formula(axis), operator(axis)] {
+            let found = shaped(&nodes, dims);
+            assert_eq!(found.is_ok(), last, "{axis} of {dims:?}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn several_rows_of_a_robot_are_no_row() {
+    let flat = |dims: &[i64]| {
+        shaped(&[node("Flatten", &["x"], "f"), node("MatMul", &["f", "w"], "y")], dims)
+            .map(|network| network.shape.inputs)
+    };
+    assert_eq!((flat(&[1, 2, 1]), flat(&[1, 1, 2])), (Ok(2), Ok(2)));
+    let found = shaped(&[node("MatMul", &["x", "w"], "y")], &[1, 5, 2]).unwrap_err();
+    assert!(found.contains("node the_y (MatMul): it works on several rows"), "{found}");
+    assert!(shaped(&[node("MatMul", &["x", "w"], "y")], &[1, 1, 2]).is_ok());
+    // Axis 1 is not that of the numbers here.
+    let cut = |axis: i64| {
+        let halves = Attribute { name: "split".into(), ints: vec![1, 2], ..Attribute::default() };
+        let split = with(with(node("Split", &["h"], "y"), halves), integer("axis", axis));
+        let split = Node { output: vec!["y".into(), "z".into()], ..split };
+        shaped(&[node("MatMul", &["x", "w"], "h"), split], &[1, 1, 2]).map(|network| network.shape.outputs)
+    };
+    assert_eq!(cut(2), Ok(1));
+    assert!(cut(1).unwrap_err().contains("it cuts between rows"));
+}
+
 #[test]
 fn layers_take_their_own_states_also_if_these_are_counted_from_the_end() {
     let shape = RecurrentShape { cell: Cell::Gru, inputs: 2, hidden: vec![3, 3] };

@@ -3,6 +3,7 @@
 use super::Document;
 use crate::cli::Preflight;
 use crate::exit::Failure;
+use gaitfit::walk::swing::prior_key;
 use gaitfit_robot::Robot;
 use gaitfit_robot::preflight::{
     Flown, Heard, JointMotion, Measured, Moved, SampledStates, listening_csv, motion_csv,
@@ -133,7 +134,8 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
     text.push_str("# By each joint's own motion.\n[prior]\n");
     let mut put = |name: &str, value: f64, deviation: f64| {
         // Noise can make an estimate negative, and none of these parameters may be.
-        let _ = writeln!(text, "{name} = {{ value = {:.5}, deviation = {deviation:.5} }}", value.max(0.0));
+        let (name, value) = (prior_key(name), value.max(0.0));
+        let _ = writeln!(text, "{name} = {{ value = {value:.5}, deviation = {deviation:.5} }}");
     };
     if let Some(Measured { value, error }) = moved.delay.or(moved.torque_delay) {
         // A deviation close to 0 would make the prior outweigh the log, so it is at least 1 ms.
@@ -181,5 +183,53 @@ fn walks(text: &mut String, document: &Document) {
     }
     if let Some(mounting) = document.mounting {
         let _ = writeln!(text, "# For log.toml beside logs of walks:\n# [imu]\n# mounting = {mounting:?}");
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn priors_of_any_name_of_a_joint_are_keys() {
+        let mut robot = Robot::built_in("unitree-go2").unwrap();
+        robot.motors[0].joint = "leg.1/hip \"a\"".to_owned();
+        let joint = |name: &str| JointMotion {
+            joint: name.to_owned(),
+            moved: 0.2,
+            asked: 0.2,
+            other: None,
+            follows: None,
+            delay: None,
+            torque_delay: None,
+            friction: Some(Measured { value: 0.3, error: 0.01 }),
+            damping: None,
+            inertia: None,
+            armature: None,
+            torque_gain: None,
+            zero: None,
+        };
+        let names = [robot.motors[0].joint.clone(), robot.motors[1].joint.clone()];
+        let moved = Moved {
+            reason: None,
+            commands: 0,
+            changed: 0,
+            joints: names.iter().map(|name| joint(name)).collect(),
+            delay: None,
+            torque_delay: None,
+            mass_factor: None,
+        };
+        let mut text = String::new();
+        priors(&mut text, &robot, &moved);
+        let table: toml::Table = text.parse().unwrap();
+        for name in &names {
+            assert_eq!(
+                table["prior"][&format!("frictionloss_{name}")]["value"].as_float(),
+                Some(0.3),
+                "{text}"
+            );
+        }
+        assert!(text.contains(&format!("\nfrictionloss_{} = ", names[1])), "{text}");
     }
 }

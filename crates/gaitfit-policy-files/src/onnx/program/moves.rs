@@ -85,9 +85,9 @@ impl Program {
     }
 
     pub(super) fn split(&mut self, node: &Node, attributes: &Attributes) -> Result<(), NodeError> {
-        let input = self.value(node, 0)?;
-        let axis = axis(attributes.integer("axis", 0), &input.dims)?;
-        let length = input.dims[axis];
+        let dims = self.dims(node, 0)?;
+        let axis = axis(attributes.integer("axis", 0), &dims)?;
+        let length = dims[axis];
         let sizes: Vec<usize> = if Self::has(node, 1) {
             let sizes =
                 self.constant(node, 1).ok_or(NodeError::NotConstant("its sizes are not constants"))?;
@@ -104,7 +104,11 @@ impl Program {
         if total != Some(length) || sizes.len() < node.output.len() {
             return Err(misfit(format!("its parts {sizes:?} are not those of an axis of {length}")));
         }
-        let places = numbered(&input.dims, 0).ok_or(misfit("its input has too many numbers"))?;
+        // The parts of a constant are constants: whole numbers stay such, and are divided as such.
+        let constant = self.constant(node, 0).cloned();
+        let input = if constant.is_none() { Some(self.value(node, 0)?) } else { None };
+        let places = constant.or_else(|| numbered(&dims, 0));
+        let places = places.ok_or(misfit("its input has too many numbers"))?;
         let mut start = 0;
         for (number, &size) in sizes.iter().enumerate().take(node.output.len()) {
             let bound = |place: usize| Constant::wholes(vec![place as f64]);
@@ -115,9 +119,15 @@ impl Program {
                 continue;
             }
             let part = moved("Slice", &[&places, &cut[0], &cut[1], &cut[2]], attributes, MAX_NUMBERS);
-            let value =
-                self.taken(std::slice::from_ref(&input), part.ok_or(misfit("its parts do not fit"))?)?;
-            self.give(node, number, value)?;
+            let part = part.ok_or(misfit("its parts do not fit"))?;
+            match (&input, node.output.get(number).filter(|name| !name.is_empty())) {
+                (Some(input), _) => {
+                    let value = self.taken(std::slice::from_ref(input), part)?;
+                    self.give(node, number, value)?;
+                }
+                (None, Some(name)) => self.keep(name, part)?,
+                (None, None) => {}
+            }
         }
         Ok(())
     }

@@ -94,6 +94,24 @@ fn whole_numbers_are_divided_and_cast_towards_zero() {
 }
 
 #[test]
+fn parts_of_whole_numbers_are_divided_as_such() {
+    let both = Attribute { name: "value_ints".into(), ints: vec![7, 2], ..Attribute::default() };
+    let split = Node {
+        output: vec!["seven".into(), "by".into()],
+        ..with(node("Split", &["both"], "seven"), integer("axis", 0))
+    };
+    // 7 / 2 is 3.
+    let nodes = [
+        with(node("Constant", &[], "both"), both),
+        split,
+        node("Div", &["seven", "by"], "three"),
+        node("MatMul", &["x", "w"], "h"),
+        node("Mul", &["h", "three"], "y"),
+    ];
+    assert_eq!(act(&nodes, &[1.0, 0.0]), [3.0, 6.0, 9.0]);
+}
+
+#[test]
 fn a_dead_branch_may_hold_anything() {
     let nodes = [node("NonZero", &["x"], "unused"), node("MatMul", &["x", "w"], "y")];
     assert_eq!(act(&nodes, &[1.0, 1.0]), [5.0, 7.0, 9.0]);
