@@ -102,8 +102,8 @@ impl Model {
     }
 }
 
-/// Largest coefficient of a coupling of two hinges or two slides: no gear of a robot moves one joint so much faster than
-/// another, and simulations of such couplings diverge.
+/// Largest coefficient of a coupling of two hinges or two slides: no gear of a robot moves one joint so much faster
+/// than another, and simulations of such couplings diverge.
 const MAX_COEFFICIENT: f64 = 1e3;
 /// Largest coefficient of a coupling of a hinge and a slide: a screw turns by thousands of radians a metre.
 const MAX_SCREW: f64 = 1e4;

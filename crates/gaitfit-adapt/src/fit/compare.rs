@@ -30,10 +30,10 @@ pub struct Agreement {
 /// A rise of a cost below this part counts as not seeing the parameter.
 const UNSEEN: f64 = 0.01;
 
-/// Compares two fits of one θ. `first_cost` and `second_cost` evaluate candidates (`None`: diverged). Each is called once: with
-/// its fit's own values, then with one candidate for each disagreeing parameter, in which only that parameter has the other
-/// fit's value; without candidates if no parameter disagrees. Both ends of a rise come from them, because
-/// [`CostOutcome::best_cost`] may be from other random draws.
+/// Compares two fits of one θ. `first_cost` and `second_cost` evaluate candidates (`None`: diverged). Each is called once,
+/// without candidates if no parameter disagrees. Else the first candidate has its fit's own values. The others are one for
+/// each disagreeing parameter, in which only that parameter has the other fit's value. [`CostOutcome::best_cost`] does not
+/// count, because it may be from other random draws.
 pub fn compare(
     first: &CostOutcome,
     second: &CostOutcome,

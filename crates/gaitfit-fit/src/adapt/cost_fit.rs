@@ -190,8 +190,8 @@ fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, 
 /// Random draws over which costs are averaged where two fits are compared. One draw may favour a value by chance.
 const COMPARED_DRAWS: u8 = 8;
 
-/// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported: without the
-/// charge for falls and the price of priors.
+/// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported: without
+/// the charge for falls and the price of priors.
 pub(super) fn beside(
     setup: &Setup,
     first: &CostOutcome,

@@ -108,8 +108,8 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
     }
 }
 
-/// Whether `theta` has friction under load, play or compliance of a joint, or `base` has a value for it. `joints`: names of
-/// all joints of the robot.
+/// Whether `theta` has friction under load, play or compliance of a joint, or `base` has a value for it. `joints`: names
+/// of all joints of the robot.
 pub fn has_joint(
     kind: JointParameter,
     joint: &str,

@@ -234,8 +234,8 @@ impl GaitRecord {
                 // its duty factor.
                 gait_feet += 1.0;
                 on_ground += if row[foot] { 1.0 } else { 0.0 };
-                // The step in which the foot was on the ground before. A record may begin with feet in the air: coming down
-                // for the first time is no step.
+                // The step in which the foot was on the ground before. A record may begin with feet in the air: coming
+                // down for the first time is no step.
                 let stood = || (0..step).rev().find(|&before| self.contact[before * feet + foot]);
                 if let Some(stood) = row[foot].then(stood).flatten().filter(|stood| stood + 1 < step) {
                     landings += 1.0;

@@ -367,8 +367,8 @@ impl<'a> Environment<'a> {
         self.base(index).yaw_rate
     }
 
-    /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` after the last step, against the
-    /// command that it had in this step. A command that was drawn at the step's end is not meant.
+    /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` after the last step, against
+    /// the command that it had in this step. A command that was drawn at the step's end does not count.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
         self.errors[index]
     }
