@@ -222,6 +222,22 @@ fn restarts_double_the_population_and_resume_to_the_same_bits() {
 }
 
 #[test]
+fn a_new_start_does_not_widen_what_the_start_before_it_found() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let options = FitOptions { restarts: 1, seeds: vec![1], ..options(400) };
+    let mut fit = Fit::new(&simulator, &theta, &costs[..1], options).unwrap();
+    // The first start has 7 candidates and ends at its tolerance.
+    while fit.step(&never).unwrap().is_some_and(|generation| generation.evaluations == 7) {}
+    let run = &fit.outcomes()[0].runs[0];
+    assert_eq!((run.stop, run.deviations.len()), (None, theta.len()));
+    for (at, entry) in theta.entries().iter().enumerate() {
+        assert!(run.deviations[at] < 1.1e-5 * entry.deviation, "{run:?}");
+        assert!((run.mean[at] - run.values[at]).abs() < 1e-3 * entry.deviation, "{run:?}");
+    }
+}
+
+#[test]
 fn a_checkpoint_of_another_fit_is_refused() {
     let simulator = sines(9.0);
     let (theta, costs) = (theta(), costs(&simulator));

@@ -7,6 +7,8 @@ use crate::xml::{At, Element, Sources};
 
 /// Entries listed in `Model::dropped`; more than this is a hostile or wrong file.
 const MAX_DROPPED: usize = 2_000;
+/// Largest number of a `solref`, for example of a stiffness: nothing is stiffer, and far larger numbers overflow.
+const MAX_REFERENCE: f64 = 1e10;
 
 /// State of a reader: positions for messages, leniency, and the list of what was left out.
 pub(crate) struct Context<'s> {
@@ -192,6 +194,17 @@ impl<'e> Attributes<'e> {
         }
         target[..values.len()].copy_from_slice(&values);
         Ok(values.len())
+    }
+
+    /// As [`Self::prefix`], the numbers of a `solref`.
+    pub fn reference(&mut self, ctx: &Context, name: &str, target: &mut [f64; 2]) -> Result<(), ModelError> {
+        self.prefix(ctx, name, target)?;
+        let Some(large) = target.iter().find(|value| value.abs() > MAX_REFERENCE) else { return Ok(()) };
+        Err(ctx.invalid(
+            self.at(name),
+            format!("`{name}` of {} has the number {}", self.element.label(), shown_number(*large)),
+            format!("give numbers up to {MAX_REFERENCE:e}"),
+        ))
     }
 
     /// Exactly `N` numbers.

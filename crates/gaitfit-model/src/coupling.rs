@@ -102,8 +102,11 @@ impl Model {
     }
 }
 
-/// Largest coefficient of a coupling: no gear of a robot moves one joint so much faster than another.
-const MAX_COEFFICIENT: f64 = 1e4;
+/// Largest coefficient of a coupling of two hinges or two slides: no gear of a robot moves one joint so much faster
+/// than another, and simulations of such couplings diverge.
+const MAX_COEFFICIENT: f64 = 1e3;
+/// Largest coefficient of a coupling of a hinge and a slide: a screw turns by thousands of radians a metre.
+const MAX_SCREW: f64 = 1e4;
 /// Max number of couplings of a file.
 const MAX_COUPLINGS: usize = 4 * MAX_JOINTS;
 
@@ -133,7 +136,7 @@ impl Default for CouplingForm {
 impl CouplingForm {
     /// Reads an element's attributes over the present values.
     pub fn apply(&mut self, ctx: &Context, a: &mut Attributes) -> Result<(), ModelError> {
-        a.prefix(ctx, "solref", &mut self.solref)?;
+        a.reference(ctx, "solref", &mut self.solref)?;
         a.prefix(ctx, "solimp", &mut self.solimp)?;
         if let Some(active) = a.boolean(ctx, "active")? {
             self.inactive = !active;
@@ -218,16 +221,11 @@ pub(crate) fn resolve(
         // Names used twice are refused later; until then the first one counts, as in other look-ups.
         numbers.entry(&joint.name).or_insert(number);
     }
+    let joints = bodies.iter().flat_map(|body| &body.joints);
+    let hinges: Vec<bool> = joints.map(|(joint, _)| joint.kind.is_hinge()).collect();
     let mut kept: Vec<Coupling> = Vec::new();
     for coupling in couplings {
         let name = shown(&coupling.follower);
-        if let Some(large) = coupling.parameters.polynomial.iter().find(|c| c.abs() > MAX_COEFFICIENT) {
-            let what = format!(
-                "joint \"{name}\" follows another one with a coefficient of {}",
-                shown_number(*large)
-            );
-            return Err(ctx.invalid(coupling.at, what, format!("give at most {MAX_COEFFICIENT}")));
-        }
         let (follower, leader) = match coupling.find(&numbers) {
             Ok(pair) => pair,
             Err(missing) => {
@@ -240,6 +238,15 @@ pub(crate) fn resolve(
                 continue;
             }
         };
+        let is_screw = leader.is_some_and(|leader| hinges[leader] != hinges[follower]);
+        let max = if is_screw { MAX_SCREW } else { MAX_COEFFICIENT };
+        if let Some(large) = coupling.parameters.polynomial.iter().find(|c| c.abs() > max) {
+            let what = format!(
+                "joint \"{name}\" follows another one with a coefficient of {}",
+                shown_number(*large)
+            );
+            return Err(ctx.invalid(coupling.at, what, format!("give at most {max}")));
+        }
         // Couplings are taken up in file order, so the one that closes a ring is the one that is refused.
         if leads_back(follower, leader, &kept) {
             let other = shown(coupling.leader.as_deref().unwrap_or_default());

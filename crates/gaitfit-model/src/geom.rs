@@ -110,7 +110,7 @@ impl GeomForm {
             return Err(ctx.invalid(a.at("friction"), "negative friction", "give zero or more"));
         }
         a.set_nonnegative(ctx, "solmix", &mut s.solmix)?;
-        a.prefix(ctx, "solref", &mut s.solref)?;
+        a.reference(ctx, "solref", &mut s.solref)?;
         a.prefix(ctx, "solimp", &mut s.solimp)?;
         a.set(ctx, "margin", &mut s.margin)?;
         a.set(ctx, "gap", &mut s.gap)?;

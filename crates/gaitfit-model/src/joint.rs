@@ -70,9 +70,9 @@ impl JointForm {
         if let Some(limited) = a.word(ctx, "actuatorfrclimited", &LIMITED)? {
             self.force_limited = limited;
         }
-        a.prefix(ctx, "solreflimit", &mut j.solref_limit)?;
+        a.reference(ctx, "solreflimit", &mut j.solref_limit)?;
         a.prefix(ctx, "solimplimit", &mut j.solimp_limit)?;
-        a.prefix(ctx, "solreffriction", &mut j.solref_friction)?;
+        a.reference(ctx, "solreffriction", &mut j.solref_friction)?;
         a.prefix(ctx, "solimpfriction", &mut j.solimp_friction)?;
         a.set_nonnegative(ctx, "armature", &mut j.armature)?;
         a.set_nonnegative(ctx, "frictionloss", &mut j.frictionloss)?;

@@ -20,8 +20,8 @@ pub(crate) fn apply_pair(
     if pair.friction.iter().any(|f| *f < 0.0) {
         return Err(ctx.invalid(a.at("friction"), "negative friction", "give zero or more"));
     }
-    a.prefix(ctx, "solref", &mut pair.solref)?;
-    a.prefix(ctx, "solreffriction", &mut pair.solreffriction)?;
+    a.reference(ctx, "solref", &mut pair.solref)?;
+    a.reference(ctx, "solreffriction", &mut pair.solreffriction)?;
     a.prefix(ctx, "solimp", &mut pair.solimp)?;
     a.set(ctx, "margin", &mut pair.margin)?;
     a.set(ctx, "gap", &mut pair.gap)?;

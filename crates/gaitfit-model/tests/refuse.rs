@@ -143,6 +143,8 @@ fn what_makes_no_robot_is_refused_even_leniently() {
         ("joint", " limited=\"maybe\"", "maybe"),
         ("joint", " actuatorfrcrange=\"5 1\"", "[5, 1]"),
         ("geom", " condim=\"2\"", "condim"),
+        ("geom", " solref=\"-1e300 -1\"", "`solref` of"),
+        ("joint", " solreffriction=\"-1 -1e300\"", "-1e300"),
         ("geom", " pos=\"0 0 1\"", "fromto"),
         ("geom", " friction=\"1 1 1 1\"", "1 to 3"),
         ("motor", " ctrllimited=\"perhaps\"", "perhaps"),

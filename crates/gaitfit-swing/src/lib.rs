@@ -41,7 +41,7 @@ pub use estimate::{estimate, estimate_walks};
 pub use feet::{Foot, Ground};
 pub use gaitfit_log::Estimate;
 pub use odd::{Judged, Measured};
-pub use report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
+pub use report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_group, usual_groups};
 pub use standing::Standing;
 pub use torques::Drag;
 pub use walk::Walk;

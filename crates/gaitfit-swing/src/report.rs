@@ -181,7 +181,7 @@ pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
     let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
     let is_clear = |index: usize| model.joints[index].kind.is_hinge() && !model.is_coupled(index);
     for (index, joint) in model.joints.iter().enumerate().filter(|(index, _)| is_clear(*index)) {
-        let last = group_name(plain(&joint.name));
+        let last = usual_group(&joint.name);
         match groups.iter_mut().find(|(known, _)| *known == last) {
             Some((_, joints)) => joints.push(index),
             None => groups.push((last, vec![index])),
@@ -190,11 +190,12 @@ pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
     groups
 }
 
-/// A joint's name without what says on which side or leg it is.
-fn group_name(name: &str) -> String {
+/// Name of the joint's group in [`usual_groups`]: its own name without what says on which side or leg it is.
+pub fn usual_group(joint: &str) -> String {
     // Unitree's legs are FL to RR, ANYmal's LF to RH, Spot's fl to hr; humanoids have left and right.
     const SIDES: [&str; 16] =
         ["fl", "fr", "rl", "rr", "hl", "hr", "bl", "br", "lf", "rf", "lh", "rh", "l", "r", "left", "right"];
+    let name = plain(joint);
     let parts: Vec<&str> = name.split('_').collect();
     let kept: Vec<&str> =
         parts.iter().copied().filter(|part| !SIDES.contains(&part.to_lowercase().as_str())).collect();
@@ -213,8 +214,8 @@ mod tests {
         let names: Vec<&str> = groups.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["hip", "thigh", "calf"]);
         assert_eq!(groups[2].1, [2, 5, 8, 11]);
-        assert_eq!(group_name("left_hip_pitch"), "hip_pitch");
-        assert_eq!(group_name("R"), "R");
+        assert_eq!(usual_group("left_hip_pitch"), "hip_pitch");
+        assert_eq!(usual_group("R"), "R");
     }
 
     #[test]

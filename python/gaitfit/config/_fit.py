@@ -293,7 +293,8 @@ class Optimizer(Settings):
         replicates: Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth
             of the simulated robots a round, which correct those by distributions; 0: no correction. Default: 4.
         patience: A seed of CMA-ES stops once the smallest costs of this many generations hardly change: the means of
-            their halves differ by less than a fiftieth, standard error included; 0 never. Default: 0, of walks 40.
+            their halves differ by less than a fiftieth, standard error included; 0 never, 1 to 3 count as 4. Default: 0,
+            of walks 40.
         prior_weight: Cost of a distance of one standard error from a ``[prior]``. Default: 0.0005.
         tolerance: A seed stops once its search distribution is this small: largest standard deviation of any parameter,
             relative to its initial deviation. 0 never stops early. Default: 0.0001.

@@ -239,6 +239,14 @@ impl Search {
             .reduce(|best, other| if other.cost < best.cost { other } else { best })
     }
 
+    /// The run before [`Self::current`] that found [`Self::best`]; `None` if `current` did.
+    pub fn best_run(&self) -> Option<&RunSummary> {
+        // Once all runs have ended, the last of them is `current`.
+        let before = self.finished.len().saturating_sub(usize::from(self.is_finished()));
+        let best = self.best()?;
+        self.finished.iter().take(before).find(|run| run.best.as_ref() == Some(best))
+    }
+
     /// Generations told in all runs.
     pub fn generation(&self) -> u32 {
         let ended: u32 = self.finished.iter().map(|run| run.generations).sum();

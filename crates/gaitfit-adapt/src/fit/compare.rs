@@ -30,9 +30,10 @@ pub struct Agreement {
 /// A rise of a cost below this part counts as not seeing the parameter.
 const UNSEEN: f64 = 0.01;
 
-/// Compares two fits of one θ. `first_cost` and `second_cost` evaluate candidates (`None`: diverged); they are
-/// called once each, with one candidate a disagreeing parameter, where only that parameter takes the other
-/// fit's value.
+/// Compares two fits of one θ. `first_cost` and `second_cost` evaluate candidates (`None`: diverged). Each is called once,
+/// without candidates if no parameter disagrees. Else the first candidate has its fit's own values. The others are one for
+/// each disagreeing parameter, in which only that parameter has the other fit's value. [`CostOutcome::best_cost`] does not
+/// count, because it may be from other random draws.
 pub fn compare(
     first: &CostOutcome,
     second: &CostOutcome,
@@ -59,28 +60,24 @@ pub fn compare(
             values[index] = other.parameters[index].value;
             values
         };
-        apart.iter().map(swap).collect()
+        let own = (!apart.is_empty()).then(|| outcome.values());
+        own.into_iter().chain(apart.iter().map(swap)).collect()
     };
-    let first_rise = first_cost(&swapped(first, second))?;
-    let second_rise = second_cost(&swapped(second, first))?;
+    let first_costs = first_cost(&swapped(first, second))?;
+    let second_costs = second_cost(&swapped(second, first))?;
 
     // Every parameter gets its row; those that disagree also get a reason.
     let mut agreements = Vec::with_capacity(pairs.len());
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {
-            let rise = |costs: &[Option<f64>], best: f64| {
+            let rise = |costs: &[Option<f64>]| {
+                // The fit's own values are the first candidate.
+                let own = costs.first().copied().flatten()?;
                 // A diverged candidate has no rise; the reason then says so. An equal cost has none either, also of 0.
-                let rise = |cost: f64| if cost == best { 0.0 } else { cost / best - 1.0 };
-                costs.get(at).copied().flatten().map(rise)
+                let rise = |cost: f64| if cost == own { 0.0 } else { cost / own - 1.0 };
+                costs.get(at + 1).copied().flatten().map(rise)
             };
-            reason(
-                first,
-                rise(&first_rise, first.best_cost),
-                a,
-                second,
-                rise(&second_rise, second.best_cost),
-                b,
-            )
+            reason(first, rise(&first_costs), a, second, rise(&second_costs), b)
         });
         agreements.push(Agreement {
             name: a.name.clone(),
@@ -181,12 +178,13 @@ mod tests {
             &first,
             &second,
             |candidates| {
-                assert_eq!(candidates, [vec![0.5, 0.3]]);
-                Ok(vec![Some(3.0)])
+                assert_eq!(candidates, [vec![0.5, 0.2], vec![0.5, 0.3]]);
+                // Under these draws the fit's own values cost more than in its search.
+                Ok(vec![Some(4.0), Some(6.0)])
             },
             |candidates| {
-                assert_eq!(candidates, [vec![0.519, 0.2]]);
-                Ok(vec![Some(2.001)])
+                assert_eq!(candidates, [vec![0.519, 0.3], vec![0.519, 0.2]]);
+                Ok(vec![Some(2.0), Some(2.001)])
             },
         )
         .unwrap();
@@ -199,9 +197,9 @@ mod tests {
 
     #[test]
     fn a_cost_of_0_has_no_percentage() {
-        let first = CostOutcome { best_cost: 0.0, ..outcome("matcho", &[0.5, 0.2], 0.01) };
-        let second = CostOutcome { best_cost: 0.0, ..outcome("wass", &[0.5, 0.3], 0.01) };
-        let agreements = compare(&first, &second, |_| Ok(vec![Some(0.25)]), |_| Ok(vec![Some(0.0)])).unwrap();
+        let (first, second) = (outcome("matcho", &[0.5, 0.2], 0.01), outcome("wass", &[0.5, 0.3], 0.01));
+        let costs = |swapped: f64| move |_: &[Vec<f64>]| Ok(vec![Some(0.0), Some(swapped)]);
+        let agreements = compare(&first, &second, costs(0.25), costs(0.0)).unwrap();
         let reason = agreements[1].reason.as_deref().unwrap();
         let wanted = "the matcho cost changes from 0 and the wass cost by +0.0 %; wass hardly sees it";
         assert!(reason.contains(wanted), "{reason}");

@@ -28,7 +28,8 @@ pub struct FitOptions {
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
     /// A run of CMA-ES stops once the smallest costs of this many generations hardly change: the means of their
-    /// halves differ by less than a fiftieth, standard error included; 0 never.
+    /// halves differ by less than a fiftieth, standard error included; 0 never. 1 to 3 count as 4, because a half of
+    /// one generation has no standard error.
     #[serde(default)]
     pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to

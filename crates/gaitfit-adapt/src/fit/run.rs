@@ -216,7 +216,9 @@ impl Run {
             falls: self.falls,
             deviations: self.deviations(),
             mean: match &self.by {
-                By::CmaEs { search, .. } => search.current().mean(),
+                By::CmaEs { search, .. } => {
+                    search.best_run().map_or_else(|| search.current().mean(), |start| start.mean.clone())
+                }
                 By::LeastSquares(_) => Vec::new(),
             },
         })
@@ -224,8 +226,11 @@ impl Run {
 
     /// Width of the search in each entry where it was left, see [`RunOutcome::deviations`].
     fn deviations(&self) -> Vec<f64> {
-        match &self.by {
-            By::CmaEs { search, .. } if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {
+        let By::CmaEs { search, .. } = &self.by else { return Vec::new() };
+        match search.best_run() {
+            // Later starts do not show how far the one with the best values came.
+            Some(start) if reason(start.stop) != Stop::Converged => start.deviations.clone(),
+            None if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {
                 search.current().deviations()
             }
             // A search that came to its end has no spread left that could widen an interval.
@@ -331,29 +336,32 @@ const FLAT: f64 = 0.02;
 /// mean. Draws differ from generation to generation, so one small cost shows little. Costs that rise, for example because
 /// robots begin to fall, are not flat.
 fn is_flat(course: &[f64], patience: usize) -> bool {
-    // An odd patience is rounded up, so that both halves have the same length.
-    let half = patience.div_ceil(2);
+    // An odd patience is rounded up, so that both halves have the same length. A half of one has no standard error.
+    let half = patience.div_ceil(2).max(2);
     let Some(last) = course.len().checked_sub(2 * half).map(|first| &course[first..]) else { return false };
     let mean = |costs: &[f64]| costs.iter().sum::<f64>() / half as f64;
     let (before, now) = (mean(&last[..half]), mean(&last[half..]));
     let apart = |costs: &[f64], mean: f64| costs.iter().map(|cost| (cost - mean).powi(2)).sum::<f64>();
     let squares = apart(&last[..half], before) + apart(&last[half..], now);
     // The standard error of the difference of two means, by the variance of both halves together.
-    let error = (squares / half.saturating_sub(1).max(1) as f64 / half as f64).sqrt();
+    let error = (squares / (half - 1) as f64 / half as f64).sqrt();
     // Costs of diverged generations are infinite; their difference is no number.
     now.is_finite() && (before - now).abs() + error < FLAT * before.abs()
 }
 
 /// Why the last restart ended, once it has.
 fn why_stop(search: &Search) -> Option<Stop> {
-    let last = search.finished().last().filter(|_| search.is_finished())?;
-    Some(match last.stop {
+    Some(reason(search.finished().last().filter(|_| search.is_finished())?.stop))
+}
+
+fn reason(stop: StopReason) -> Stop {
+    match stop {
         StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
         StopReason::MaxGenerations => Stop::Generations,
         // A run ends its search at the tolerance, or by patience, which [`Run::tell`] then names instead.
         StopReason::Ended => Stop::Tolerance,
         _ => Stop::Converged,
-    })
+    }
 }
 
 fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
@@ -429,6 +437,8 @@ mod tests {
     fn a_course_is_flat_once_it_changes_by_less_than_a_fiftieth_from_half_to_half() {
         let course = [1.0, 0.5, 0.4, 0.38, 0.379, 0.381, 0.38];
         assert!(!is_flat(&course[..3], 4), "it is shorter than the patience");
+        assert!(!is_flat(&[0.4, 0.4], 1), "two costs have no standard error");
+        assert!(is_flat(&[0.4; 4], 1), "four have one");
         assert!(!is_flat(&course[..5], 4), "from 0.45 to 0.3795");
         assert!(!is_flat(&course[..6], 4), "from 0.39 to 0.38");
         assert!(is_flat(&course, 4), "from 0.3795 to 0.3805");

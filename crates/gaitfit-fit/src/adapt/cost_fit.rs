@@ -187,21 +187,33 @@ fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, 
     Ok(Audit::new(&setup.fit, &predicted, skip))
 }
 
-/// The parameters of `other` beside those of `first`.
+/// Random draws over which costs are averaged where two fits are compared. One draw may favour a value by chance.
+const COMPARED_DRAWS: u8 = 8;
+
+/// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported: without
+/// the charge for falls and the price of priors.
 pub(super) fn beside(
     setup: &Setup,
     first: &CostOutcome,
     other: &CostOutcome,
 ) -> Result<Vec<Agreement>, Error> {
+    // Where a simulation has no random draws, all draws give the same.
+    let draws = if setup.options.falls.random { COMPARED_DRAWS } else { 1 };
     let cost_of = |name: &str| {
         // Both outcomes are of costs of this setup, so the name is always there.
         let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
         move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
-            let jobs: Vec<Job> =
-                candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let (simulator, falls) = (setup.searched().simulator.as_ref(), &setup.options.falls);
-            let evaluations = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
-            Ok(evaluations.into_iter().map(|evaluation| evaluation.cost).collect())
+            let drawn = |values: &Vec<f64>| {
+                let values = values.clone();
+                (0..draws).map(move |draw| Job { cost, values: values.clone(), draw: draw.into() })
+            };
+            let jobs: Vec<Job> = candidates.iter().flat_map(drawn).collect();
+            let (simulator, theta) = (setup.searched().simulator.as_ref(), &setup.theta);
+            let evaluations = evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never)?;
+            let distance = |(values, drawn): (&Vec<f64>, &[Evaluation])| {
+                Some(mean(drawn.iter().map(|one| one.cost))? - theta.prior_cost(values))
+            };
+            Ok(candidates.iter().zip(evaluations.chunks(draws.into())).map(distance).collect())
         }
     };
     compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)

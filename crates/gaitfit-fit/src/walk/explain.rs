@@ -10,7 +10,7 @@ use super::cause::{matters, of_effect};
 use super::swing::{Estimate, SwingFindings};
 use gaitfit_adapt::{Entry, JointParameter, Theta};
 use gaitfit_sim::Candidate;
-use gaitfit_swing::{Effect, EffectKind};
+use gaitfit_swing::{Effect, EffectKind, usual_group};
 
 /// A tilt must be surer than other effects of sensors: on soft ground standing feet show one of a few errors.
 const SUREST: f64 = 10.0;
@@ -77,6 +77,11 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
     let known = |numbers: &[f64], without: f64| {
         joints.iter().zip(numbers).any(|(joint, number)| *joint == cause.of && *number != without)
     };
+    // Nor does a parameter of one joint group cover another group's effect.
+    let of_group = |kind: JointParameter| {
+        let in_group = |joint: &&String| usual_group(joint) == cause.of;
+        joints.iter().filter(in_group).any(|joint| has_joint(kind, joint, theta, base, joints))
+    };
     // A stated value counts as much as a fitted one: the simulator has both.
     match cause.kind {
         CauseKind::GyroBias => {
@@ -87,7 +92,7 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
         CauseKind::EncoderStep => false,
         CauseKind::VelocityLag => has("velocity_lag") || robot.velocity_lag != 0.0,
         CauseKind::Tilt => (has("imu_roll") && has("imu_pitch")) || some(&sensors.imu_tilt),
-        CauseKind::LoadFriction => has("load_friction") || some(&robot.load_friction),
+        CauseKind::LoadFriction => of_group(JointParameter::LoadFriction),
         CauseKind::OddFriction => alone(JointParameter::FrictionLoss),
         CauseKind::OddSpring => {
             let of_joint = |entry: &Entry| {
@@ -97,10 +102,30 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
             theta.entries().iter().any(of_joint) || known(&robot.stiffness, 0.0)
         }
         CauseKind::OddStrength => alone(JointParameter::TorqueScale) || known(&robot.torque_scale, 1.0),
-        CauseKind::Backlash => has("play") || some(&robot.play),
-        CauseKind::Elasticity => has("compliance") || some(&robot.compliance),
+        CauseKind::Backlash => of_group(JointParameter::Play),
+        CauseKind::Elasticity => of_group(JointParameter::Compliance),
         CauseKind::Ground => has("ground_softness") || robot.ground_softness != 0.0,
     }
+}
+
+/// Whether `theta` has friction under load, play or compliance of a joint, or `base` has a value for it. `joints`: names
+/// of all joints of the robot.
+pub fn has_joint(
+    kind: JointParameter,
+    joint: &str,
+    theta: &Theta,
+    base: &Candidate,
+    joints: &[String],
+) -> bool {
+    let numbers = match kind {
+        JointParameter::LoadFriction => &base.robot.load_friction,
+        JointParameter::Play => &base.robot.play,
+        JointParameter::Compliance => &base.robot.compliance,
+        _ => return false,
+    };
+    let fitted = |entry: &Entry| entry.kind == kind.name() && entry.joints.iter().any(|one| one == joint);
+    let known = joints.iter().zip(numbers).any(|(one, number)| one == joint && *number != 0.0);
+    known || theta.entries().iter().any(fitted)
 }
 
 /// Sentences about play that swings show and the fit with these `values` of `theta` does not find. Swings named play falsely

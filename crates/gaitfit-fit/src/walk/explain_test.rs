@@ -159,6 +159,35 @@ fn friction_of_another_joint_does_not_cover_the_odd_one() {
 }
 
 #[test]
+fn a_gear_parameter_covers_its_own_joint_group_alone() {
+    let model = crate::robot::go2().unwrap();
+    let joints = crate::robot::joint_names(&model);
+    let base = Candidate::nominal(&model);
+    let load = (EffectKind::LoadFriction, "calf", 0.09, 0.003, 0.7);
+    let twist = (EffectKind::Elasticity, "calf", 0.005, 0.0001, 0.9);
+    for (effect, kind) in [(load, JointParameter::LoadFriction), (twist, JointParameter::Compliance)] {
+        let causes = causes(&findings(&[effect]));
+        assert_eq!(causes.len(), 1);
+        for (group, is_covered) in [("calf", true), ("thigh", false)] {
+            let rule = ParameterRule {
+                per: Sharing::All,
+                joints: vec![format!("*_{group}_joint")],
+                ..ParameterRule::new(kind)
+            };
+            let theta = Rules { parameter: vec![rule], ..Rules::default() }.theta(&[], &joints, &[]).unwrap();
+            assert_eq!(covered(&causes[0], &theta, &base, &joints), is_covered, "{kind:?} of {group}");
+        }
+        let mut known = base.clone();
+        let numbers = match kind {
+            JointParameter::LoadFriction => &mut known.robot.load_friction,
+            _ => &mut known.robot.compliance,
+        };
+        numbers[1] = 0.1;
+        assert!(!covered(&causes[0], &Theta::default(), &known, &joints), "a thigh has it");
+    }
+}
+
+#[test]
 fn a_known_spring_or_strength_covers_its_own_joint_alone() {
     let model = crate::robot::go2().unwrap();
     let joints = crate::robot::joint_names(&model);

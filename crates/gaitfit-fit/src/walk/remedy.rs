@@ -3,7 +3,7 @@
 //! They are added before the search, without a first fit that lacks them. This does little harm: if the robot does not have
 //! the effect, these parameters end near 0 and the other values stay (docs, "Effects that the model lacks").
 
-use super::explain::{Cause, CauseKind, causes, covered};
+use super::explain::{Cause, CauseKind, causes, covered, has_joint};
 use super::singles::single_numbers;
 use super::swing::{Estimate, SwingFindings, SwingNumber};
 use crate::settings::AdaptConfig;
@@ -46,6 +46,15 @@ impl Remedies {
         for cause in causes(findings).iter().filter(|cause| !covered(cause, theta, base, joints)) {
             if remedies.add(cause, findings) {
                 remedies.effects.push((cause.kind, cause.effect().to_owned()));
+            }
+        }
+        for rule in &mut remedies.parameter {
+            // Joints that have the parameter keep it.
+            let kind = rule.kind;
+            let lacks = |joint: &&String| !has_joint(kind, joint, theta, base, joints);
+            let left: Vec<String> = joints.iter().filter(lacks).cloned().collect();
+            if left.len() < joints.len() {
+                rule.joints = left;
             }
         }
         remedies
@@ -114,7 +123,17 @@ impl Remedies {
         let covered = group_rule.map(|rule| rule.joints.clone());
         for rule in &self.parameter {
             let mut rule = rule.clone();
-            rule.joints = covered.clone().unwrap_or(rule.joints);
+            if let Some(covered) = &covered {
+                if rule.joints == ["*"] {
+                    rule.joints.clone_from(covered);
+                } else {
+                    let patterns = compile(covered).unwrap_or_default();
+                    rule.joints.retain(|joint| patterns.iter().any(|pattern| pattern.covers(joint)));
+                }
+            }
+            if rule.joints.is_empty() {
+                continue;
+            }
             // Defaults are filled in here, because those of the configuration were filled in before.
             rule.resolve();
             config.parameter.push(rule);

@@ -234,13 +234,14 @@ impl GaitRecord {
                 // its duty factor.
                 gait_feet += 1.0;
                 on_ground += if row[foot] { 1.0 } else { 0.0 };
-                if step > 0 && row[foot] && !self.contact[(step - 1) * feet + foot] {
+                // The step in which the foot was on the ground before. A record may begin with feet in the air: coming
+                // down for the first time is no step.
+                let stood = || (0..step).rev().find(|&before| self.contact[before * feet + foot]);
+                if let Some(stood) = row[foot].then(stood).flatten().filter(|stood| stood + 1 < step) {
                     landings += 1.0;
                     let height = |step: usize| self.foot_clearance[step * feet + foot];
-                    // Back from the landing to the step in which the foot left the ground.
-                    let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
                     // The swing has one step at least, the one before the landing.
-                    let top = swing.map(height).fold(f64::MIN, f64::max);
+                    let top = (stood + 1..step).map(height).fold(f64::MIN, f64::max);
                     // Above the landing and not above 0: a foot in contact sinks a little into the ground.
                     lifts.push(top - height(step));
                 }
@@ -273,6 +274,21 @@ impl GaitRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_foot_that_comes_down_for_the_first_time_has_not_stepped() {
+        let record = GaitRecord {
+            dt: 0.02,
+            feet: vec!["left".to_owned()],
+            contact: vec![false, true, true, false, false, true],
+            foot_clearance: vec![0.5, 0.0, 0.0, 0.02, 0.03, 0.01],
+            command: [1.0, 0.0, 0.0].repeat(6),
+            ..GaitRecord::default()
+        };
+        let summary = record.summary(&[Some(0)]);
+        assert!((summary.step_frequency - 1.0 / 0.12).abs() < 1e-9, "{summary:?}");
+        assert!((summary.foot_lift - 0.02).abs() < 1e-12, "{summary:?}");
+    }
 
     #[test]
     fn a_group_without_feet_is_on_no_ground() {

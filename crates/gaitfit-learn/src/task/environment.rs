@@ -10,7 +10,6 @@ use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
 use super::judge::Ended;
-use super::moment::BaseMoment;
 use super::reward::Scratch;
 use super::start::start;
 use super::terrain::Way;
@@ -43,6 +42,8 @@ pub struct Environment<'a> {
     pub(super) ways: Vec<Way>,
     /// Sum of each reward term since [`Environment::take_terms`].
     pub(super) terms: Vec<f64>,
+    /// Errors of each environment in the last step, see [`Environment::tracking_error`].
+    pub(super) errors: Vec<[f32; 2]>,
     /// Memory for the reward terms of a step.
     pub(super) scratch: Scratch,
     /// The first environment whose reward was not finite in the last step, and the term that was not.
@@ -124,6 +125,7 @@ impl<'a> Environment<'a> {
             // Empty on ground without cells, where nothing is counted.
             ways: vec![Way::default(); if task.course.is_some() { count } else { 0 }],
             terms: vec![0.0; task.rewards.terms().len()],
+            errors: vec![[0.0; 2]; count],
             scratch: task.rewards.scratch(),
             broken_term: None,
             held_commands: false,
@@ -365,9 +367,9 @@ impl<'a> Environment<'a> {
         self.base(index).yaw_rate
     }
 
-    /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
+    /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` after the last step, against
+    /// the command that it had in this step. A command that was drawn at the step's end does not count.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
-        let base = self.base(index);
-        BaseMoment::errors(base.velocity, base.yaw_rate, self.command[index])
+        self.errors[index]
     }
 }

@@ -46,9 +46,13 @@ impl Environment<'_> {
             let whole: Vec<bool> = robots.clone().map(|index| self.is_whole(index)).collect();
             self.task.rewards.pay(&moments, &whole, &mut scratch, &mut values);
             // The moments borrow the environment, which `settle` changes.
-            let reached: Vec<_> = moments.iter().map(|moment| (moment.velocity, moment.fallen)).collect();
-            for (place, (index, (velocity, fallen))) in robots.zip(reached).enumerate() {
+            let error =
+                |moment: &Moment<'_>| BaseMoment::errors(moment.velocity, moment.yaw_rate, moment.command);
+            let reached: Vec<_> =
+                moments.iter().map(|moment| (moment.velocity, moment.fallen, error(moment))).collect();
+            for (place, (index, (velocity, fallen, error))) in robots.zip(reached).enumerate() {
                 let values = &values[place * terms..(place + 1) * terms];
+                self.errors[index] = error;
                 (paid[index], ended[index]) = match whole[place] {
                     true => self.settle(index, velocity, fallen, values),
                     false => (0.0, Ended::Diverged),

@@ -62,11 +62,16 @@ impl Environment<'_> {
             let what = "is of another task or robot".to_owned();
             return Err(TaskError::Setting { setting: "a robot's state".to_owned(), what });
         }
-        if !self.ways.is_empty() && !self.restore_way(index, &snapshot.way) {
+        let way = self.saved_ways(&snapshot.way).and_then(|ways| ways.into_iter().next());
+        if !self.ways.is_empty() && way.is_none() {
             let what = "is of ground with other levels".to_owned();
             return Err(TaskError::Setting { setting: "a robot's state".to_owned(), what });
         }
+        // All checks come before the first change. The simulator makes none if it refuses the robot.
         self.tile.set_robot(index, &snapshot.robot)?;
+        if let Some((way, saved)) = self.ways.get_mut(index).zip(way) {
+            *way = saved;
+        }
         self.steps[index] = snapshot.steps;
         self.command[index] = snapshot.command;
         self.turned[index] = snapshot.turned;

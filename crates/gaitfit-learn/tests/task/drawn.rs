@@ -40,6 +40,21 @@ fn commands_are_drawn_anew_in_their_time_and_ranges() {
 }
 
 #[test]
+fn errors_are_against_the_command_that_the_step_had() {
+    let mut task = calm();
+    // One control period.
+    (task.command.seconds, task.command.standing) = (0.02, 0.0);
+    let scene = scene(&task);
+    let [mut drawn, mut held] = [(); 2].map(|()| Environment::new(&scene, None, 5, 0, 1).unwrap());
+    held.hold_command(0, drawn.commands()[0]);
+    for environment in [&mut drawn, &mut held] {
+        step(environment, 1, 0.3);
+    }
+    assert_ne!(drawn.commands(), held.commands(), "a new one was drawn");
+    assert_eq!(drawn.tracking_error(0), held.tracking_error(0));
+}
+
+#[test]
 fn gains_vary_within_their_ranges() {
     let mut task = calm();
     // One physics step a period, after which the torque is still that of the start.

@@ -145,6 +145,19 @@ fn robots_start_and_stand_on_their_cells() {
 
 /// The first step of an episode that begins in its midst, far from the origin, is no leap of the feet.
 #[test]
+fn a_snapshot_that_is_refused_changes_nothing() {
+    let scene = scene(&on(small(TerrainKind::Stairs)));
+    let mut environment = Environment::new(&scene, None, 5, 0, 1).unwrap();
+    let before = environment.snapshot(0);
+    // Its way fits, and its robot does not.
+    let mut other = before.clone();
+    other.way[1] += 1.0;
+    other.robot.state.pop();
+    assert!(environment.set_snapshot(0, &other).is_err());
+    assert_eq!(environment.snapshot(0), before);
+}
+
+#[test]
 fn feet_do_not_come_from_the_origin() {
     let scene = scene(&on(small(TerrainKind::Stairs)));
     let mut environment = Environment::new(&scene, None, 3, 0, 12).unwrap();

@@ -125,6 +125,11 @@ fn equation(
     let seen = |inertia: &Measured| inertia.value > SEEN * inertia.error && best > 0 && best < DELAYS;
     let [inertia, damping, friction, weight] = solved(best)?;
     if seen(&inertia) {
+        // The error of the inertia holds for one delay. An error of the delay moves the inertia too.
+        let neighbours = solved(best - 1).zip(solved(best + 1));
+        let by_delay =
+            neighbours.map_or(0.0, |([before, ..], [after, ..])| 0.5 * (after.value - before.value));
+        let inertia = Measured { error: inertia.error.hypot(by_delay * delay.error), ..inertia };
         let (delay, inertia) = (Some(seconds(delay)), Some(inertia));
         return Some(Equation { delay, inertia, damping, friction, weight });
     }

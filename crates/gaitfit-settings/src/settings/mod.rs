@@ -231,7 +231,7 @@ pub struct OptimizerConfig {
     /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
     /// A seed of CMA-ES stops once the smallest costs of this many generations hardly change: the means of
-    /// their halves differ by less than a fiftieth, standard error included; 0 never.
+    /// their halves differ by less than a fiftieth, standard error included; 0 never, 1 to 3 count as 4.
     pub patience: usize,
     /// Cost of a distance of one standard error from a `[prior]`.
     pub prior_weight: f64,

@@ -173,7 +173,7 @@ impl<'a> Estimate<'a> {
     }
 
     /// Standard deviation of each entry from the choice of logs. One that rests on a bound has that of a fit of it
-    /// alone, which says how firmly it rests.
+    /// alone, which says how firmly it rests. One without an effect has half of its range.
     fn sampling(&self) -> Option<Vec<f64>> {
         let entries = self.values.len();
         // H⁻¹ S H⁻¹ by two solutions, as each step is one with H.
@@ -191,11 +191,12 @@ impl<'a> Estimate<'a> {
             covariance = response * covariance * response.transpose();
         }
         let deviation_at = |at: usize| {
+            if self.silent[at] {
+                // Half of the range: two deviations reach from bound to bound, and no correction widens the bounds.
+                return 0.5 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower);
+            }
             let variance = if self.free[at] {
                 covariance[(at, at)]
-            } else if self.silent[at] {
-                // Half of the range: two deviations reach from bound to bound.
-                0.25 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower).powi(2)
             } else {
                 // Held at its bound it has no part in the joint equations, so it is judged alone.
                 self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)
@@ -276,4 +277,22 @@ fn pieces(residuals: &Residuals, width: usize) -> Vec<(usize, Range<usize>)> {
             .collect::<Vec<_>>()
     };
     residuals.recordings.iter().enumerate().flat_map(blocks).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::{JointParameter, ParameterRule, Sharing};
+
+    #[test]
+    fn a_correction_does_not_widen_entries_without_an_effect() {
+        let rule = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
+        let theta = Theta::from_rules(&[rule], &[], &["FL_hip".to_owned()]).unwrap();
+        let mut estimate = Estimate::new(&theta, &[0.1], &[]);
+        assert_eq!(estimate.silent, [true]);
+        estimate.inflation = 1.5;
+        let (entry, sampling) = (&theta.entries()[0], estimate.sampling().unwrap());
+        assert!((sampling[0] - 0.5 * (entry.upper - entry.lower)).abs() < 1e-12, "{sampling:?}");
+    }
 }

@@ -155,16 +155,22 @@ fn priors(text: &mut String, robot: &Robot, moved: &Moved) {
             if estimates.is_empty() {
                 continue;
             }
-            let count = estimates.len() as f64;
-            let mean = estimates.iter().map(|one| one.value).sum::<f64>() / count;
-            // The spread of the joints and the error of each: a group's number must allow for both.
-            let scatter =
-                estimates.iter().map(|one| (one.value - mean).powi(2) + one.error.powi(2)).sum::<f64>()
-                    / count;
-            // As for the delay: a deviation near 0 would outweigh the log.
-            put(&format!("{kind}_{name}"), mean, scatter.sqrt().max(ROUGH * mean.abs()).max(0.001));
+            let (value, deviation) = together(&estimates);
+            put(&format!("{kind}_{name}"), value, deviation);
         }
     }
+}
+
+/// The number of a group, from those of its joints, and its standard error.
+fn together(estimates: &[Measured]) -> (f64, f64) {
+    let count = estimates.len().max(1) as f64;
+    // Noise can make estimates negative. Their distance from 0, the smallest possible value, is then an error too.
+    let value = (estimates.iter().map(|one| one.value).sum::<f64>() / count).max(0.0);
+    // The spread of the joints and the error of each: a group's number must allow for both.
+    let scatter =
+        estimates.iter().map(|one| (one.value - value).powi(2) + one.error.powi(2)).sum::<f64>() / count;
+    // As for the delay: a deviation near 0 would outweigh the log.
+    (value, scatter.sqrt().max(ROUGH * value).max(0.001))
 }
 
 /// Lines for fits of walks, and for the sidecar files of their logs.
@@ -231,5 +237,15 @@ mod tests {
             );
         }
         assert!(text.contains(&format!("\nfrictionloss_{} = ", names[1])), "{text}");
+    }
+
+    #[test]
+    fn a_prior_at_0_is_as_unsure_as_its_negative_estimates() {
+        let of = |value: f64| Measured { value, error: 0.002 };
+        let (value, deviation) = together(&[of(-0.01), of(-0.01)]);
+        assert_eq!(value, 0.0);
+        assert!((deviation - 0.01_f64.hypot(0.002)).abs() < 1e-12, "{deviation}");
+        let (value, deviation) = together(&[of(0.01), of(0.03)]);
+        assert!((value - 0.02).abs() < 1e-12 && (deviation - 0.01_f64.hypot(0.002)).abs() < 1e-12);
     }
 }

@@ -124,10 +124,10 @@ DEVICE bool finish_step(
 #endif
     int ended = m.fallen || broken ? FALL : over ? TIME_OUT : GOES_ON;
 
+    // Against the command of this step, not the one that is drawn for the next.
+    float off[2];
+    base_errors(m.velocity, m.yaw_rate, m.command, off);
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
-    float wanted[3], off[2];
-    for (int k = 0; k < 3; k++) wanted[k] = command[k * ENVIRONMENTS + e];
-    base_errors(m.velocity, m.yaw_rate, wanted, off);
     if (broken) {
         if (TALLY(DIVERGED) == 0.0) {
             TALLY(BROKEN_AT) = (double)(step + 1);

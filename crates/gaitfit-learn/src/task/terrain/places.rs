@@ -56,21 +56,9 @@ impl Environment<'_> {
         }
     }
 
-    /// The saved ways of all environments; `None` if some cannot be.
+    /// The saved ways of some environments; `None` if one cannot be.
     pub(in crate::task) fn saved_ways(&self, numbers: &[f32]) -> Option<Vec<Way>> {
         let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
         numbers.as_chunks::<3>().0.iter().map(|numbers| Way::from_numbers(numbers, levels)).collect()
-    }
-
-    /// Takes up the saved way of environment `index`; false if it cannot be.
-    pub(in crate::task) fn restore_way(&mut self, index: usize, numbers: &[f32; 3]) -> bool {
-        let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
-        match (self.ways.get_mut(index), Way::from_numbers(numbers, levels)) {
-            (Some(way), Some(saved)) => {
-                *way = saved;
-                true
-            }
-            _ => false,
-        }
     }
 }
