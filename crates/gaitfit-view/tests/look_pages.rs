@@ -50,6 +50,11 @@ fn a_log_stands_beside_its_simulation() {
     assert_eq!(panels, 6, "positions and errors of three joints");
     let shown = text(&document);
     assert!(shown.contains("robot file → fitted") && shown.contains("walk2"), "{shown}");
+    let mut sliding = beside("walk");
+    sliding.traces[1].slides = true;
+    let html = side_by_side_html(&sliding).unwrap();
+    let captions = |end: &str| html.matches(end).count();
+    assert_eq!((captions(" m</span>"), captions(" rad</span>")), (1, 2), "errors of slides are in m");
     // Without a simulation there are no errors to draw.
     let mut alone = beside("walk");
     alone.replay.robots.truncate(1);
