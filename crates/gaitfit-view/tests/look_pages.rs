@@ -109,6 +109,12 @@ fn runs_stand_side_by_side() {
     let shown = text(&parse(&html));
     assert!(shown.contains("0.200 ± 0.010") && shown.contains("differ"), "{shown}");
     assert_finite(&runs_html(&RunsReport::default()).unwrap());
+    let mut unknown = runs("friction");
+    let parameters = unknown.fits.iter_mut().flat_map(|fit| &mut fit.parameters);
+    parameters.for_each(|one| one.interval = Some([f64::NAN; 2]));
+    let html = runs_html(&unknown).unwrap();
+    assert!(!html.contains(">agree<"), "nobody knows where these intervals lie");
+    assert_finite(&html);
     let many = RunsReport { fits: vec![runs("x").fits[0].clone(); 30], ..runs("x") };
     assert!(runs_html(&many).unwrap().len() < 200_000, "the last eight fits alone");
 }
