@@ -10,7 +10,7 @@ use gaitfit_sim::pool;
 use super::candidates::Known;
 use super::scene::by_structure;
 use super::shares::Cancel;
-use super::{Candidates, FitError, Numbers, Readings, Structure, Subject, Tables, Tracks};
+use super::{Candidates, FitError, Numbers, PredictionInput, Structure, Subject, Tables, Tracks};
 use crate::runtime::Device;
 
 /// Predicts logs by candidates on a GPU. The robot must be the same in all calls. The logs may change from call to call: what is
@@ -134,10 +134,10 @@ impl Predictions {
         };
         let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
         let followed: Vec<follow::Job> = jobs.iter().map(followed).collect();
-        let readings = Readings { walker, courses, trust: &trust };
+        let input = PredictionInput { walker, courses, trust: &trust };
         let numbers = Numbers::new(Subject::Predict(walker), &followed, 1, self.threads)?.predicting(
             &followed,
-            &readings,
+            &input,
             self.threads,
         );
         Ok((followed, numbers))
