@@ -3,7 +3,7 @@
 
 use crate::common;
 
-use common::{errors, quick_demo, root, run};
+use common::{errors, program, quick_demo, root, run};
 use std::path::Path;
 use std::process::Output;
 
@@ -91,6 +91,17 @@ fn lengths_of_a_view() {
     {
         refused(&run(&["view", "examples/go2-demo/fit.csv", option, value]), 2, &[option, value, bound]);
     }
+}
+
+#[test]
+fn a_view_replaces_no_file_that_it_was_not_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let page = folder.path().join("fit.html");
+    std::fs::write(&page, "mine").unwrap();
+    let log = root().join("examples/go2-demo/fit.csv");
+    let output = program().current_dir(folder.path()).arg("view").arg(log).output().unwrap();
+    refused(&output, 2, &["fit.html exists already", "--out"]);
+    assert_eq!(std::fs::read_to_string(page).unwrap(), "mine");
 }
 
 #[cfg(unix)]

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use candidates::{apart, asset, files_of, of, tiled};
 use gaitfit_cuda::emit::Class;
-use gaitfit_cuda::fit::{Numbers, Plan, Readings, Scene, Sizes, Subject, Tables};
+use gaitfit_cuda::fit::{Numbers, Plan, PredictionInput, Scene, Sizes, Subject, Tables};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_physics::Preset;
@@ -88,8 +88,8 @@ fn compare(label: &str, task: &Task, courses: &[Course], jobs: &[Job], rows: usi
     };
     let followed: Vec<follow::Job> = jobs.iter().map(followed).collect();
     let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
-    let readings = Readings { walker, courses, trust: &trust };
-    let numbers = Numbers::new(subject, &followed, 1, 1).unwrap().predicting(&followed, &readings, 2);
+    let input = PredictionInput { walker, courses, trust: &trust };
+    let numbers = Numbers::new(subject, &followed, 1, 1).unwrap().predicting(&followed, &input, 2);
     let wanted = tracks(walker, courses, jobs);
     let motion: Vec<Vec<Vec<Stepped>>> =
         jobs.iter().map(|job| robots(walker, courses, job).unwrap()).collect();
@@ -200,9 +200,9 @@ fn numbers_are_repeated() {
             })
             .collect();
         let trust = frictions.to_vec();
-        let readings = Readings { walker, courses: &courses, trust: &trust };
+        let input = PredictionInput { walker, courses: &courses, trust: &trust };
         let numbers = Numbers::new(Subject::Predict(walker), &jobs, 1, 1).unwrap();
-        numbers.predicting(&jobs, &readings, 1)
+        numbers.predicting(&jobs, &input, 1)
     };
     let three = numbers(&[0.1, 0.2, 0.3]);
     assert_eq!(*three.repeated(3, 5), numbers(&[0.1, 0.2, 0.3, 0.1, 0.2]));

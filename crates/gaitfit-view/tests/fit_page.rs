@@ -138,6 +138,16 @@ fn a_full_page_is_well_formed_and_says_the_result() {
 }
 
 #[test]
+fn errors_of_slides_are_in_metres() {
+    let mut report = full(2, 5);
+    report.traces.iter_mut().for_each(|trace| trace.slides = true);
+    report.distributions.iter_mut().for_each(|one| one.slides = true);
+    let page = render(&report).unwrap();
+    let shown = text(&parse(&page));
+    assert!(shown.contains("validation logs (RMS, m)") && !page.contains(" rad<"), "{shown}");
+}
+
+#[test]
 fn sections_without_data_are_left_out() {
     let page = render(&FitReport::default()).unwrap();
     let document = parse(&page);

@@ -50,6 +50,11 @@ fn a_log_stands_beside_its_simulation() {
     assert_eq!(panels, 6, "positions and errors of three joints");
     let shown = text(&document);
     assert!(shown.contains("robot file → fitted") && shown.contains("walk2"), "{shown}");
+    let mut sliding = beside("walk");
+    sliding.traces[1].slides = true;
+    let html = side_by_side_html(&sliding).unwrap();
+    let captions = |end: &str| html.matches(end).count();
+    assert_eq!((captions(" m</span>"), captions(" rad</span>")), (1, 2), "errors of slides are in m");
     // Without a simulation there are no errors to draw.
     let mut alone = beside("walk");
     alone.replay.robots.truncate(1);
@@ -104,6 +109,12 @@ fn runs_stand_side_by_side() {
     let shown = text(&parse(&html));
     assert!(shown.contains("0.200 ± 0.010") && shown.contains("differ"), "{shown}");
     assert_finite(&runs_html(&RunsReport::default()).unwrap());
+    let mut unknown = runs("friction");
+    let parameters = unknown.fits.iter_mut().flat_map(|fit| &mut fit.parameters);
+    parameters.for_each(|one| one.interval = Some([f64::NAN; 2]));
+    let html = runs_html(&unknown).unwrap();
+    assert!(!html.contains(">agree<"), "nobody knows where these intervals lie");
+    assert_finite(&html);
     let many = RunsReport { fits: vec![runs("x").fits[0].clone(); 30], ..runs("x") };
     assert!(runs_html(&many).unwrap().len() < 200_000, "the last eight fits alone");
 }

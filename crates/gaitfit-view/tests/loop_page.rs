@@ -302,14 +302,19 @@ fn long_loops_stay_small_pages() {
     report.drift[0].trials[0].intended = long;
     report.drift = vec![report.drift[0].clone(); 100];
     report.tracking = vec![report.tracking[0].clone(); 1000];
+    report.differences = vec![report.differences[0].clone(); 100];
     report.rounds = vec![report.rounds[0].clone(); 8];
     let html = loop_html(&report).unwrap();
     assert!(html.len() < 12_000_000, "{} bytes", html.len());
     let document = parse(&html);
     let shown = text(&document);
-    for left_out in
-        ["100 more are in the run folder", "10 more runs", "12 more joints", "936 more are in the result"]
-    {
+    for left_out in [
+        "100 more are in the run folder",
+        "10 more runs",
+        "12 more joints",
+        "936 more are in the result",
+        "36 more differences are in the result",
+    ] {
         assert!(shown.contains(left_out), "{left_out}");
     }
     let packed = document.descendants().find(|n| n.attribute("id") == Some("replay")).unwrap();

@@ -23,7 +23,7 @@ pub use gaitfit::device::{Device, Devices};
 pub use groups::{command, from_variable, meant};
 pub use logs::{Import, New, Runs};
 pub use preflight::Preflight;
-pub use robot::{Drift, LinkArgs, PATIENCE, Record, RobotKind, Run, STAND_S};
+pub use robot::{Drift, LinkArgs, PATIENCE, Record, RobotKind, Run};
 pub use run::{Finetune, Fit, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use view::View;
 pub use world::{Collect, DRIFT, Evaluate};

@@ -17,8 +17,12 @@ impl Cli {
     pub fn read(arguments: &[OsString]) -> Result<Self, clap::Error> {
         // clap knows `--help` only. The options must be shown before it renders the help, so the word is looked for
         // first.
-        let all = arguments.iter().any(|word| word == ALL);
-        let words = arguments.iter().map(|word| if word == ALL { "--help".into() } else { word.clone() });
+        let end = arguments.iter().position(|word| word == "--").unwrap_or(arguments.len());
+        let (options, values) = arguments.split_at(end);
+        let all = options.iter().any(|word| word == ALL);
+        let known = options.iter().map(|word| if word == ALL { "--help".into() } else { word.clone() });
+        // Words after `--` are values, whatever they look like.
+        let words = known.chain(values.iter().cloned());
         let matches = negative(command(all)).try_get_matches_from(words).map_err(advised)?;
         Self::from_arg_matches(&matches)
     }
@@ -49,4 +53,21 @@ fn advised(mut error: clap::Error) -> clap::Error {
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(advice)]));
     }
     error
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::cli;
+    use clap::error::ErrorKind;
+
+    #[test]
+    fn after_two_hyphens_the_word_for_all_help_is_a_value() {
+        let read = |words: &[&str]| Cli::read(&words.iter().map(OsString::from).collect::<Vec<_>>());
+        let named = read(&["gaitfit", "inspect", "--", ALL]).unwrap();
+        assert!(matches!(&named.command, cli::Command::Inspect(args) if args.file.as_os_str() == ALL));
+        let help = read(&["gaitfit", "inspect", ALL]).unwrap_err();
+        assert_eq!(help.kind(), ErrorKind::DisplayHelp);
+    }
 }

@@ -11,8 +11,10 @@ use std::str::FromStr;
 use std::time::Duration;
 
 /// Times that a robot may stand before the policy acts, s.
-pub const STAND_S: RangeInclusive<f64> = 0.5..=120.0;
-/// Default for a robot that hangs, s. A person lowers it in this time.
+const STAND_S: RangeInclusive<f64> = 0.5..=120.0;
+/// Least time for a robot that hangs, s. A person lowers it in this time.
+const LOWERED_LEAST_S: f64 = 3.0;
+/// Default for a robot that hangs, s.
 const LOWERED_S: f64 = 10.0;
 
 /// A robot that a policy may run on.
@@ -74,7 +76,7 @@ pub struct LinkArgs {
     #[arg(long, value_name = "S", hide = true)]
     pub pause: Option<f64>,
     /// Time in the policy's default pose before the policy acts, s. Lower a robot that hangs in this time [default: 0.5;
-    /// robots that hang: 10]
+    /// robots that hang: 10, at least 3]
     #[arg(long, value_name = "S", hide = true)]
     pub stand: Option<f64>,
     /// Compute everything and send nothing; its logs go into the folder dry-run within --out
@@ -94,12 +96,21 @@ impl LinkArgs {
         self.pause.unwrap_or(2.0)
     }
 
-    /// How long `robot` stands before the policy acts; `None` if the time is out of range.
-    pub fn stand(&self, robot: &Robot) -> Option<Duration> {
+    /// How long `robot` stands before the policy acts.
+    ///
+    /// # Errors
+    /// A time out of range, in a sentence.
+    pub fn stand(&self, robot: &Robot) -> Result<Duration, String> {
         // Other robots stand up by themselves, so they need only the time to come to rest.
-        let usual = if robot.hangs { LOWERED_S } else { Times::default().settle.as_secs_f64() };
-        let seconds = self.stand.unwrap_or(usual);
-        STAND_S.contains(&seconds).then(|| Duration::from_secs_f64(seconds))
+        let (usual, least, why) = match robot.hangs {
+            true => (LOWERED_S, LOWERED_LEAST_S, ": a person must lower the robot in this time"),
+            false => (Times::default().settle.as_secs_f64(), *STAND_S.start(), ""),
+        };
+        let (seconds, most) = (self.stand.unwrap_or(usual), *STAND_S.end());
+        match (least..=most).contains(&seconds) {
+            true => Ok(Duration::from_secs_f64(seconds)),
+            false => Err(format!("--stand takes {least} to {most} s{why}")),
+        }
     }
 }
 
@@ -204,4 +215,28 @@ pub struct Drift {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_person_has_time_to_lower_a_robot_that_hangs() {
+        let link = |stand| LinkArgs {
+            interface: None,
+            domain: 0,
+            pause: None,
+            stand,
+            dry_run: false,
+            yes: false,
+            patience: PATIENCE,
+        };
+        let stands = |name: &str, stand| link(stand).stand(&Robot::built_in(name).unwrap());
+        assert_eq!(stands("unitree-go2", Some(0.5)), Ok(Duration::from_millis(500)));
+        assert_eq!(stands("unitree-g1", None), Ok(Duration::from_secs(10)));
+        let refused = stands("unitree-g1", Some(0.5)).unwrap_err();
+        assert_eq!(refused, "--stand takes 3 to 120 s: a person must lower the robot in this time");
+    }
 }

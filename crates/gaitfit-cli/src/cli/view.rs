@@ -22,7 +22,7 @@ pub struct View {
     /// Policy that walked [default: the configuration's]; without it a walk has no simulation
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
-    /// Page to write [default: the log's name with .html, in the current folder]
+    /// Page to write; it replaces a file of this name [default: a new file in the current folder, the log's name with .html]
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
     /// Open the page

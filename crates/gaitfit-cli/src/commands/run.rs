@@ -2,7 +2,7 @@
 
 use super::walks::Who;
 use super::{folder, trial, walks};
-use crate::cli::{PATIENCE, RobotKind, Run, STAND_S};
+use crate::cli::{PATIENCE, RobotKind, Run};
 use crate::exit::{Exit, Failure};
 use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
@@ -48,9 +48,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     if args.link.pause.is_some() && who.logs().is_none() {
         return Err(Failure::usage("--pause: there is only one walk; leave --pause out"));
     }
-    let Some(stand) = args.link.stand(&robot) else {
-        return Err(Failure::usage(format!("--stand takes {} to {} s", STAND_S.start(), STAND_S.end())));
-    };
+    let stand = args.link.stand(&robot).map_err(Failure::usage)?;
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     // Refused now if the policy is for other joints, before anybody is asked for the word.
     let postures = robot.postures(&policy.interface).map_err(usage)?;
@@ -289,8 +287,12 @@ fn confirm(args: &Run, robot: &Robot, who: &Who, stand: Duration, state: &RobotS
             stand.as_secs_f64()
         ));
     }
+    let (first, last) = match robot.hangs {
+        true => ("take its default pose", "move its joints to 0 and go limp"),
+        false => ("stand up", "lie down"),
+    };
     note(&format!(
-        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. {}: the motors go \
+        "It will {first}, {}; then stop and {last}. Clear the ground, hold the robot's own switch ready. {}: the motors go \
          limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
         who.length(),
         stopped_by(robot)

@@ -39,6 +39,13 @@ pub fn run(args: &View) -> Result<(), Failure> {
         args.robot.as_ref(),
         args.policy.as_ref(),
     ];
+    // `--out` names the file to replace; without it nobody asked for a file of this name.
+    if args.out.is_none() && page.exists() {
+        return Err(Failure::usage(format!(
+            "{} exists already; name a page with --out, which replaces a page of that name",
+            page.display()
+        )));
+    }
     let asked = Output { path: &page, option: "--out", ending: Some("html") };
     files::check(&[asked], inputs.into_iter().flatten().map(PathBuf::as_path))?;
     let viewed = view(&ViewSettings {
@@ -62,8 +69,9 @@ pub fn run(args: &View) -> Result<(), Failure> {
     match (&args.theta, viewed.distance_rad) {
         // Only the robot file's parameters were simulated, so a comparison with fitted ones is the next step.
         (None, [Some(_), _]) => output::next(&[format!(
-            "gaitfit view {} --theta runs/FIT/theta.toml",
-            gaitfit_model::argument(&args.log)
+            "gaitfit view {} --theta runs/FIT/theta.toml --out {}",
+            gaitfit_model::argument(&args.log),
+            gaitfit_model::argument(&page)
         )]),
         _ => Ok(()),
     }

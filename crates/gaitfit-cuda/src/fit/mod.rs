@@ -25,7 +25,7 @@ pub use candidates::{Candidates, Compared, Measured, Parts};
 pub use error::FitError;
 pub use follow::follow;
 pub use multi_gpu::MultiGpu;
-pub use numbers::{Begin, Numbers, Readings};
+pub use numbers::{Begin, Numbers, PredictionInput};
 pub use plan::{Plan, Sizes};
 pub use predictions::Predictions;
 pub use scene::{Scene, Structure, Subject};

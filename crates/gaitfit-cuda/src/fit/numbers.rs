@@ -87,7 +87,7 @@ impl Numbers {
 
 /// Data that predictions of some candidates need besides their numbers.
 #[derive(Clone, Copy)]
-pub struct Readings<'a> {
+pub struct PredictionInput<'a> {
     /// The robot.
     pub walker: &'a Walker,
     /// Readings of the logs' sensors.
@@ -99,8 +99,8 @@ pub struct Readings<'a> {
 impl Numbers {
     /// The same numbers of `jobs` with the first states of their predictions, and with the trust in standing feet.
     #[must_use]
-    pub fn predicting(mut self, jobs: &[Job], readings: &Readings<'_>, threads: usize) -> Self {
-        let Readings { walker, courses, trust } = *readings;
+    pub fn predicting(mut self, jobs: &[Job], input: &PredictionInput<'_>, threads: usize) -> Self {
+        let PredictionInput { walker, courses, trust } = *input;
         // Candidates with the same errors of sensors begin alike.
         let alike = |one: &Job, other: &Job| {
             one.candidate.robot.encoder_bias == other.candidate.robot.encoder_bias

@@ -10,7 +10,7 @@ use gaitfit_sim::pool;
 use super::candidates::Known;
 use super::scene::by_structure;
 use super::shares::Cancel;
-use super::{Candidates, FitError, Numbers, Readings, Structure, Subject, Tables, Tracks};
+use super::{Candidates, FitError, Numbers, PredictionInput, Structure, Subject, Tables, Tracks};
 use crate::runtime::Device;
 
 /// Predicts logs by candidates on a GPU. The robot must be the same in all calls. The logs may change from call to call: what is
@@ -20,7 +20,7 @@ pub struct Predictions {
     device: Device,
     threads: usize,
     known: Known,
-    places: Mutex<Places>,
+    places: Mutex<Places<Candidates>>,
     /// A place has become free.
     freed: Condvar,
 }
@@ -33,13 +33,32 @@ const MAX_PLACES: usize = 8;
 /// on the call alone, so that a fit repeats its bits.
 const FEW: usize = 4;
 
-/// Candidates that threads use the GPU with, and those that are free.
-#[derive(Default)]
-struct Places {
+/// Candidates (`T`) that threads use the GPU with, and those that are free.
+struct Places<T> {
     /// Candidates that no thread uses, the last used one last.
-    free: Vec<Candidates>,
+    free: Vec<T>,
     /// Number of threads that use candidates.
     taken: usize,
+}
+
+impl<T> Places<T> {
+    fn are_full(&self) -> bool {
+        self.taken >= MAX_PLACES
+    }
+
+    /// Takes a place. Its candidates are the last used ones of those that suit. If none suit, they are those that were used
+    /// longest ago; `None` if none are free.
+    fn take(&mut self, suits: impl Fn(&T) -> bool) -> Option<T> {
+        self.taken += 1;
+        let suited = self.free.iter().rposition(suits);
+        suited.or_else(|| (!self.free.is_empty()).then_some(0)).map(|at| self.free.remove(at))
+    }
+
+    /// Gives a place back, with its candidates if it still has them.
+    fn give_back(&mut self, candidates: Option<T>) {
+        self.taken -= 1;
+        self.free.extend(candidates);
+    }
 }
 
 /// A thread's place; free again when this is dropped.
@@ -51,9 +70,7 @@ struct Place<'a> {
 
 impl Drop for Place<'_> {
     fn drop(&mut self) {
-        let mut places = self.predictions.places();
-        places.taken -= 1;
-        places.free.extend(self.candidates.take());
+        self.predictions.places().give_back(self.candidates.take());
         self.predictions.freed.notify_all();
     }
 }
@@ -76,7 +93,7 @@ impl Predictions {
             device: device.clone(),
             threads,
             known: Known::default(),
-            places: Mutex::default(),
+            places: Mutex::new(Places { free: Vec::new(), taken: 0 }),
             freed: Condvar::new(),
         }
     }
@@ -134,10 +151,10 @@ impl Predictions {
         };
         let trust: Vec<f64> = jobs.iter().map(|job| job.feet_trust).collect();
         let followed: Vec<follow::Job> = jobs.iter().map(followed).collect();
-        let readings = Readings { walker, courses, trust: &trust };
+        let input = PredictionInput { walker, courses, trust: &trust };
         let numbers = Numbers::new(Subject::Predict(walker), &followed, 1, self.threads)?.predicting(
             &followed,
-            &readings,
+            &input,
             self.threads,
         );
         Ok((followed, numbers))
@@ -202,16 +219,12 @@ impl Predictions {
 
     /// A place for the calling thread, if possible with what `batch` needs.
     fn place(&self, batch: &Batch<'_>) -> Place<'_> {
-        let full = |places: &mut Places| places.taken >= MAX_PLACES;
+        let full = |places: &mut Places<Candidates>| places.are_full();
         let mut places = self.freed.wait_while(self.places(), full).unwrap_or_else(PoisonError::into_inner);
         let suits = |one: &Candidates| {
             one.has_prediction_session(batch.subject, batch.tables, (batch.structure, batch.wanted))
         };
-        let suited = places.free.iter().rposition(suits).map(|at| places.free.remove(at));
-        // The one that was used longest ago.
-        let other = |places: &mut Places| (!places.free.is_empty()).then(|| places.free.remove(0));
-        let candidates = suited.or_else(|| other(&mut places));
-        places.taken += 1;
+        let candidates = places.take(suits);
         Place { predictions: self, candidates }
     }
 
@@ -219,7 +232,7 @@ impl Predictions {
         Candidates::sharing(&self.device, Arc::clone(batch.tables), self.threads, Arc::clone(&self.known))
     }
 
-    fn places(&self) -> MutexGuard<'_, Places> {
+    fn places(&self) -> MutexGuard<'_, Places<Candidates>> {
         self.places.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -228,5 +241,44 @@ impl Batch<'_> {
     /// The signals of the first candidates, and of how many they are.
     fn run<'a>(&self, candidates: &'a mut Candidates) -> Result<(&'a [f32], usize), FitError> {
         candidates.predict(self.subject, self.tables, self.example, (&self.numbers, self.wanted))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Places with these free candidates, the last used one last.
+    fn places(free: &[&'static str]) -> Places<&'static str> {
+        Places { free: free.to_vec(), taken: 0 }
+    }
+
+    #[test]
+    fn the_last_used_candidates_that_suit_are_taken() {
+        let mut places = places(&["walk 1", "walk 2", "other"]);
+        let walks = |name: &&str| name.starts_with("walk");
+        assert_eq!(places.take(walks), Some("walk 2"));
+        assert_eq!(places.take(walks), Some("walk 1"));
+        assert_eq!((places.free, places.taken), (vec!["other"], 2));
+    }
+
+    #[test]
+    fn without_any_that_suit_the_longest_unused_are_taken() {
+        let mut places = places(&["old", "new"]);
+        assert_eq!(places.take(|_| false), Some("old"));
+        assert_eq!(places.take(|_| false), Some("new"));
+        assert_eq!(places.take(|_| false), None);
+    }
+
+    #[test]
+    fn a_place_is_free_again_after_a_failure_too() {
+        let mut places = places(&["one"]);
+        let taken: Vec<_> = (0..MAX_PLACES).map(|_| places.take(|_| true)).collect();
+        assert!(places.are_full() && taken[0].is_some() && taken[1].is_none());
+        // A failure loses the candidates, not the place.
+        places.give_back(None);
+        assert!(!places.are_full() && places.free.is_empty());
+        places.give_back(Some("two"));
+        assert_eq!(places.take(|_| true), Some("two"));
     }
 }

@@ -99,13 +99,13 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
         std::thread::scope(|scope| {
             // While a GPU searches, processors are free for it.
             let early = (setup.devices.are_gpus() && setup.swings.is_none())
-                .then(|| scope.spawn(|| swing::findings(&setup.method, &setup.fit.logs)));
+                .then(|| scope.spawn(|| swing::findings(&setup.method, &setup.fit.logs, watch)));
             let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
             let metrics = search::metrics(folder)?;
             let swings = || match early {
                 // A panic of that thread is passed on, as if it had happened here.
                 Some(early) => early.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-                None => swing::findings(&setup.method, &setup.fit.logs),
+                None => swing::findings(&setup.method, &setup.fit.logs, watch),
             };
             let done = results::Searched { outcomes: &outcomes, course: &metrics, odd_joints: odd, seconds };
             let results = results::results(setup, done, swings, folder, watch)?;

@@ -155,7 +155,10 @@ fn swings(
     if !config.swings && !config.effects {
         return Ok(None);
     }
-    let mut swings = swing::findings(method, logs);
+    let mut swings = swing::findings(method, logs, watch);
+    if watch.stop() {
+        return Err(Error::interrupted_with_nothing("interrupted before the fit began"));
+    }
     let is_corrected = config.swings && config.optimizer.replicates > 0;
     // Only a walking robot's policy can make simulated walks.
     if let (true, Some(findings), Some(policy)) = (is_corrected, &mut swings, policy) {

@@ -13,6 +13,7 @@ use crate::pieces;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
 use gaitfit_adapt::{Resets, Theta};
+use gaitfit_model::Model;
 use gaitfit_view::fit::{
     Bound, Comparison, ComparisonEntry, Fit, LogSummary, OptimizerRun, Parameter as Shown, PublishedRange,
     Score, Signal as ShownSignal, Validation,
@@ -39,7 +40,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         wall_seconds: results.wall_seconds,
         doubts: results.doubts.clone(),
         converged: Some(results.converged),
-        held_out: results.held_out.as_ref().map(held_out_shown),
+        held_out: results.held_out.as_ref().map(|held| held_out_shown(held, setup.method.model())),
         fit_logs: setup.config.logs.clone(),
         log: log(setup, results),
         fits: fits(results, course),
@@ -94,8 +95,8 @@ fn predicted(
     Ok((nominal, fitted))
 }
 
-/// Held-out logs as the page shows them.
-pub fn held_out_shown(held_out: &HeldOut) -> ShownHeldOut {
+/// Held-out logs of a robot as the page shows them.
+pub fn held_out_shown(held_out: &HeldOut, model: &Model) -> ShownHeldOut {
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let row = |one: &Distance| {
         let signal = match one.signal {
@@ -104,7 +105,8 @@ pub fn held_out_shown(held_out: &HeldOut) -> ShownHeldOut {
             _ => ShownSignal::Position,
         };
         let (nominal, fitted, floor) = (number(one.nominal), number(one.fitted), number(one.floor));
-        JointDistance { joint: one.joint.clone(), signal, nominal, fitted, floor }
+        let slides = model.slides(&one.joint);
+        JointDistance { joint: one.joint.clone(), slides, signal, nominal, fitted, floor }
     };
     let explained =
         (held_out.verdict() != Verdict::Unknown).then(|| held_out.verdict() == Verdict::Explained);

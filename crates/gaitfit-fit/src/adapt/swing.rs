@@ -7,16 +7,20 @@ use crate::log::Log;
 use crate::walk::swing::{
     Beside, Fitted, SwingFindings, SwingNumber, SwingSettings, beside, numbers, sensor_numbers,
 };
+use crate::watch::{Event, Watch};
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_log::{Estimate, Gains};
+use std::ops::ControlFlow;
 
-/// Findings in the fitted logs without a simulation; absent for a clamped robot.
-pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
+/// Findings in the fitted logs without a simulation; absent for a clamped robot. If `watch` stops the work, they are incomplete.
+pub fn findings(method: &Method, logs: &[Log], watch: &Watch<'_>) -> Option<SwingFindings> {
     let walking = method.walking()?;
     let interface = &walking.task.walker.interface;
     let settings = SwingSettings { threads: walking.threads, ..SwingSettings::default() };
     let gains = Gains { kp: interface.kp.clone(), kd: interface.kd.clone() };
-    Some(SwingFindings::of_logs(method.model(), logs, &gains, &settings))
+    // Its progress is not shown: a search that runs at the same time shows its own.
+    let stop = |_: Event<'_>| if watch.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    Some(SwingFindings::of_logs(method.model(), logs, &gains, &settings, &Watch::new(&stop)))
 }
 
 /// Factor on the standard errors of estimates that could not be corrected for torque noise. Uncorrected estimates of eight

@@ -215,12 +215,13 @@ fn headline(shown: &Shown, distance_rad: [Option<f64>; 2], fell_s: Option<f64>) 
     } else {
         "Distance of simulated from measured joint positions (W₁, mean over joints)"
     };
+    let unit = shown.model.units("rad");
     let mut text = match distance_rad {
         [Some(nominal), Some(fitted)] => {
-            format!("{what}: robot file {nominal:.4} rad, fitted {fitted:.4} rad.")
+            format!("{what}: robot file {nominal:.4} {unit}, fitted {fitted:.4} {unit}.")
         }
-        [Some(nominal), None] => format!("{what}: robot file {nominal:.4} rad."),
-        [None, Some(fitted)] => format!("{what}: fitted {fitted:.4} rad."),
+        [Some(nominal), None] => format!("{what}: robot file {nominal:.4} {unit}."),
+        [None, Some(fitted)] => format!("{what}: fitted {fitted:.4} {unit}."),
         [None, None] if shown.nominal.is_some() => "The simulation diverges.".to_owned(),
         [None, None] => "The log alone, without a simulation.".to_owned(),
     };

@@ -96,7 +96,14 @@ impl SwingFindings {
 
     /// The findings from the logs of a fit of a robot that walked. A log of which every part counts is read again as it was
     /// recorded. `gains`: for logs that state none, in the order of the trajectory's joints.
-    pub fn of_logs(model: &Model, logs: &[Log], gains: &Gains, settings: &SwingSettings) -> Self {
+    /// If the caller stops the work, the findings are incomplete.
+    pub fn of_logs(
+        model: &Model,
+        logs: &[Log],
+        gains: &Gains,
+        settings: &SwingSettings,
+        watch: &Watch<'_>,
+    ) -> Self {
         let mut pieces: BTreeMap<_, usize> = BTreeMap::new();
         logs.iter().for_each(|log| *pieces.entry(&log.path).or_default() += 1);
         let trajectories: Vec<Trajectory> = logs
@@ -110,7 +117,7 @@ impl SwingFindings {
                 trajectory
             })
             .collect();
-        Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings, &Watch::silent())
+        Self::new(model, &trajectories.iter().collect::<Vec<_>>(), settings, watch)
     }
 }
 

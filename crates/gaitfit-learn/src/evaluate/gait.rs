@@ -20,6 +20,8 @@ pub struct GaitRecord {
     pub feet: Vec<String>,
     /// Names of the joints, model order.
     pub joints: Vec<String>,
+    /// Names of those that slide.
+    pub slides: Vec<String>,
     /// Whether each foot is on the ground; `steps × feet`.
     pub contact: Vec<bool>,
     /// Height of each foot's lowest point above the ground, m; `steps × feet`.
@@ -30,9 +32,9 @@ pub struct GaitRecord {
     pub velocity: Vec<f64>,
     /// Base position, m, and orientation, wxyz; `steps × 7`.
     pub base: Vec<f64>,
-    /// Joint positions, rad; `steps × joints`.
+    /// Joint positions, rad (slides: m); `steps × joints`.
     pub joint_position: Vec<f64>,
-    /// Motor torques at the end of each control period, N·m; `steps × joints`.
+    /// Motor torques at the end of each control period, N·m (slides: N); `steps × joints`.
     pub torque: Vec<f64>,
     /// Actions, policy order; `steps × joints`.
     pub action: Vec<f64>,
@@ -88,10 +90,12 @@ pub fn record_gait_on(
     }
     let mut player = Player::new(subject, environment);
     let model = task.walker.batch.model();
+    let slides = model.joints.iter().filter(|joint| !joint.kind.is_hinge());
     let mut record = GaitRecord {
         dt: task.walker.interface.control_dt,
         feet: task.settings.feet.clone(),
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
+        slides: slides.map(|joint| joint.name.clone()).collect(),
         ..GaitRecord::default()
     };
     let mut clearance = Clearance::new(task);

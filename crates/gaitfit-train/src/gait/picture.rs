@@ -41,7 +41,8 @@ fn spectra(record: &GaitRecord) -> Vec<TorqueSpectrum> {
     }
     let spectrum = |name: &str, wanted: &dyn Fn(&str) -> bool| {
         let (frequency_hz, density) = record.torque_spectrum(wanted);
-        TorqueSpectrum { group: name.to_owned(), frequency_hz, density }
+        let slides = record.slides.iter().any(|joint| wanted(joint));
+        TorqueSpectrum { group: name.to_owned(), slides, frequency_hz, density }
     };
     // No two joints share a name, so a spectrum for each would be as many curves as joints.
     if groups.len() == record.joints.len() {

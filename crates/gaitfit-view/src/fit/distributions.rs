@@ -12,7 +12,6 @@ const MAX_JOINTS: usize = 48;
 #[derive(Serialize)]
 pub(crate) struct DistributionGroup {
     title: &'static str,
-    unit: &'static str,
     cards: Vec<Card>,
     left_out: usize,
 }
@@ -23,6 +22,8 @@ struct Card {
     /// Distances to the log; none when unknown.
     before: Option<String>,
     after: Option<String>,
+    /// Unit of the distances; empty without one.
+    unit: &'static str,
     svg: String,
 }
 
@@ -39,7 +40,6 @@ pub(crate) fn build(distributions: &[SignalDistribution]) -> Vec<DistributionGro
             let of_signal = || distributions.iter().filter(|d| d.signal == signal);
             DistributionGroup {
                 title,
-                unit: signal.unit(),
                 cards: of_signal().take(MAX_JOINTS).filter_map(|d| card(d, title)).collect(),
                 left_out: of_signal().count().saturating_sub(MAX_JOINTS),
             }
@@ -62,6 +62,7 @@ fn card(data: &SignalDistribution, title: &str) -> Option<Card> {
         joint: clean(&data.joint),
         before: known(data.distance_nominal),
         after: known(data.distance_fitted),
+        unit,
         svg: cumulative(
             &format!("{title} of {}", data.joint),
             &format!("{}{x_title}", title.to_lowercase()),

@@ -27,6 +27,8 @@ pub struct HeldOut {
 pub struct JointDistance {
     /// The joint's name.
     pub joint: String,
+    /// Whether the joint slides: its positions are in m.
+    pub slides: bool,
     /// The signal.
     pub signal: Signal,
     /// Distance from the simulator before the fit.
@@ -40,7 +42,14 @@ pub struct JointDistance {
 impl Default for JointDistance {
     fn default() -> Self {
         let none = f64::NAN;
-        Self { joint: String::new(), signal: Signal::Position, nominal: none, fitted: none, floor: none }
+        Self {
+            joint: String::new(),
+            slides: false,
+            signal: Signal::Position,
+            nominal: none,
+            fitted: none,
+            floor: none,
+        }
     }
 }
 
@@ -109,9 +118,14 @@ pub(crate) fn view(held: &HeldOut) -> HeldOutView {
         }
         Row { joint: clean(joint), cells: row }
     };
-    let heading = |(signal, name): &(Signal, &str)| match signal.unit() {
-        "" => (*name).to_owned(),
-        unit => format!("{name} ({unit})"),
+    let heading = |(signal, name): &(Signal, &str)| {
+        let (hinge, slide) = (signal.unit(), signal.unit_of_slides());
+        match (distances(*signal).any(|one| one.slides), distances(*signal).all(|one| one.slides)) {
+            _ if hinge.is_empty() => (*name).to_owned(),
+            (false, _) => format!("{name} ({hinge})"),
+            (true, true) => format!("{name} ({slide})"),
+            (true, false) => format!("{name} ({hinge}, slides: {slide})"),
+        }
     };
     HeldOutView {
         sentence: clean_prose(&held.sentence),
@@ -133,6 +147,7 @@ mod tests {
             fitted,
             nominal: 0.5,
             floor: 0.01,
+            slides: false,
         };
         let held = HeldOut {
             sentence: "as well".into(),
@@ -148,6 +163,9 @@ mod tests {
             Some("Predicts walks that were not fitted 4.4 times better than the robot file")
         );
         assert_eq!(gain(&HeldOut { gain: Some(1.0), ..HeldOut::default() }), None);
+        let slider = JointDistance { slides: true, ..distance("rail", Signal::Position, 0.1) };
+        let mixed = HeldOut { distances: [&held.distances[..], &[slider]].concat(), ..held.clone() };
+        assert_eq!(super::view(&mixed).signals, ["Position (rad, slides: m)", "Velocity (rad/s)"]);
         let view = view(&held);
         assert_eq!(view.signals, ["Position (rad)", "Velocity (rad/s)"]);
         let texts = |row: &Row| row.cells.iter().map(|cell| cell.text.clone()).collect::<Vec<_>>();

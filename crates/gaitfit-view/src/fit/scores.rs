@@ -1,5 +1,6 @@
 //! The result in one line, and the fitted simulator beside everything it has to beat.
 
+use super::signals::unit_of_positions;
 use super::standing::{self, Verdict};
 use super::{FitReport, Score};
 use crate::chart::{extent, strip};
@@ -15,6 +16,8 @@ pub(super) struct Scores {
     before: String,
     after: String,
     unit: &'static str,
+    /// Unit of position errors.
+    position_unit: &'static str,
     /// Meaning of the two numbers.
     meaning: String,
     /// Text above the numbers: that the search converged, where it is known to have.
@@ -109,11 +112,16 @@ fn cost(report: &FitReport, who: Who) -> f64 {
 
 /// Returns a sentence if the nominal simulator is closer to the logs than the fitted one; else `None`.
 pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
+    let unit_of_errors = format!(" {}", unit_of_positions(&report.traces));
     // The strictest first: logs that the fit did not see, then what it minimised.
     let measured = [
-        (Yardstick::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
+        (
+            Yardstick::ValidationRmse,
+            "position error on the logs that the fit did not see",
+            unit_of_errors.as_str(),
+        ),
         (Yardstick::Cost, "cost on the logs of the fit", ""),
-        (Yardstick::FitRmse, "position error on the logs of the fit", " rad"),
+        (Yardstick::FitRmse, "position error on the logs of the fit", unit_of_errors.as_str()),
     ];
     measured.into_iter().find_map(|(yardstick, what, unit)| {
         let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
@@ -135,6 +143,7 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     // The first fit is the result; others are beside it for comparison.
     let first = report.fits.first();
     let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
+    let position_unit = unit_of_positions(&report.traces);
     let cost_heading = format!("{cost_name} cost").trim_start().to_string();
     let rows = rows(report, yardstick);
     let all = || [&report.nominal, &report.fitted].into_iter().chain(&report.baselines);
@@ -142,7 +151,8 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
         gain: if doubted { String::new() } else { gain(report, yardstick, nominal / fitted) },
         before: significant(nominal, 3),
         after: significant(fitted, 3),
-        unit: if yardstick == Yardstick::Cost { "" } else { "rad" },
+        unit: if yardstick == Yardstick::Cost { "" } else { position_unit },
+        position_unit,
         meaning: match yardstick {
             Yardstick::ValidationRmse => {
                 "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
@@ -165,8 +175,10 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
         verdicts: verdicts(report, yardstick).into_iter().chain(standing::verdicts(report)).collect(),
         rows,
         bars: match yardstick {
-            Yardstick::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
-            Yardstick::FitRmse => "Position error on the fitted logs (RMS, rad)".into(),
+            Yardstick::ValidationRmse => {
+                format!("Position error on the validation logs (RMS, {position_unit})")
+            }
+            Yardstick::FitRmse => format!("Position error on the fitted logs (RMS, {position_unit})"),
             Yardstick::Cost => cost_heading.clone(),
         },
         cost_heading,

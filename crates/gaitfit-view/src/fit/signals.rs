@@ -22,6 +22,22 @@ pub struct JointTrace {
     pub slides: bool,
 }
 
+impl JointTrace {
+    /// The unit of its positions.
+    pub(crate) fn unit(&self) -> &'static str {
+        if self.slides { Signal::Position.unit_of_slides() } else { Signal::Position.unit() }
+    }
+}
+
+/// The unit of the positions of all `joints` together, for a heading.
+pub(crate) fn unit_of_positions(joints: &[JointTrace]) -> &'static str {
+    match (joints.iter().any(|joint| joint.slides), joints.iter().all(|joint| joint.slides)) {
+        (false, _) => "rad",
+        (true, true) => "m",
+        (true, false) => "rad, slides: m",
+    }
+}
+
 /// Distribution of one joint's signal, as quantiles at equal steps of probability (0, 1/n, …, 1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalDistribution {
@@ -128,6 +144,15 @@ impl Default for SignalDistribution {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn positions_of_slides_are_in_metres() {
+        let joint = |slides| JointTrace { slides, ..JointTrace::default() };
+        assert_eq!((joint(false).unit(), joint(true).unit()), ("rad", "m"));
+        assert_eq!(unit_of_positions(&[]), "rad");
+        assert_eq!(unit_of_positions(&[joint(true)]), "m");
+        assert_eq!(unit_of_positions(&[joint(false), joint(true)]), "rad, slides: m");
+    }
 
     #[test]
     fn quantiles_lie_between_the_samples() {

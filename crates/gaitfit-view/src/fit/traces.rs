@@ -21,7 +21,7 @@ pub(crate) struct Size {
     pub points: usize,
 }
 
-/// Simulated minus measured, rad, over the samples both have.
+/// Simulated minus measured, rad (slides: m), over the samples both have.
 pub(crate) fn residual(simulated: &[f64], measured: &[f64]) -> Vec<f64> {
     simulated.iter().zip(measured).map(|(s, m)| s - m).collect()
 }
@@ -57,7 +57,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, size: &Size) -> Opt
     let times = extent(time.iter().copied())?;
     let positions = measured.iter().chain(&fitted).chain(&nominal).chain(&target).copied();
     let values = extent(positions)?;
-    let unit = if trace.slides { "m" } else { "rad" };
+    let unit = trace.unit();
     let (position, error) = (format!("position ({unit})"), format!("simulated − measured ({unit})"));
 
     let (left, right) = (54.0, size.width - 8.0);

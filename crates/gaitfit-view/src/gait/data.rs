@@ -39,8 +39,10 @@ pub struct VelocityTrack {
 pub struct TorqueSpectrum {
     /// Name of the group.
     pub group: String,
+    /// Whether joints of the group slide: their torques are forces.
+    pub slides: bool,
     /// Frequencies, Hz, ascending.
     pub frequency_hz: Vec<f64>,
-    /// One-sided density averaged over the group's joints, (N·m)²/Hz; without the mean torque.
+    /// One-sided density averaged over the group's joints, (N·m)²/Hz (slides: N²/Hz); without the mean torque.
     pub density: Vec<f64>,
 }

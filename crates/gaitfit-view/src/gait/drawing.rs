@@ -204,11 +204,16 @@ fn spectra(figure: &mut Figure, spectra: &[TorqueSpectrum], top: f64) -> f64 {
     // Below that a line runs along the lower edge instead of out of the plot.
     let held: Vec<Vec<f64>> =
         drawn.iter().map(|(_, (_, power))| power.iter().map(|p| p.max(low)).collect()).collect();
+    let slides = drawn.iter().any(|(spectrum, _)| spectrum.slides);
     let lines = drawn.iter().zip(&held).enumerate();
     let plot = Plot {
         x: Axis { title: "frequency (Hz)", range: Some(range), log: true, ticks: 9, ..Axis::default() },
         y: Axis {
-            title: "joint torque ((N·m)²/Hz)",
+            title: if slides {
+                "joint torque ((N·m)²/Hz, slides: N²/Hz)"
+            } else {
+                "joint torque ((N·m)²/Hz)"
+            },
             // Room above the peak; on a logarithmic axis it is a factor.
             range: Some((low, high * 1.3)),
             log: true,

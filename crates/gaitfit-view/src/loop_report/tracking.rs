@@ -8,7 +8,7 @@ use crate::chart::intervals::{self, Mark, Row};
 use crate::format::{UNKNOWN, grouped, with_spread};
 use serde::Serialize;
 
-/// Policies on simulators shown at most.
+/// Policies on simulators, and differences of policies, shown at most.
 const MAX_ROWS: usize = 64;
 #[derive(Serialize)]
 pub(super) struct TrackingSection {
@@ -19,6 +19,7 @@ pub(super) struct TrackingSection {
     headings: Vec<String>,
     left_out: usize,
     differences: Vec<DifferenceRow>,
+    differences_left_out: usize,
     /// Headings of the differences.
     compared: Vec<String>,
 }
@@ -147,6 +148,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
         headings: known.iter().map(heading).collect(),
         left_out: report.tracking.len() - shown.len(),
         differences: differences(report),
+        differences_left_out: report.differences.len().saturating_sub(MAX_ROWS),
         // The same filter as for the cells of `differences`, so that headings and cells agree.
         compared: COLUMNS.iter().filter(|q| q.is_error).map(|q| heading(&q)).collect(),
     })

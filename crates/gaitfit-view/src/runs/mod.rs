@@ -261,7 +261,10 @@ fn axis(name: &str, unit: &str) -> String {
 
 /// Whether two of the fits' intervals do not overlap; `None` of fewer than two intervals.
 fn apart(estimates: &[Option<Parameter>]) -> Option<bool> {
-    let intervals: Vec<[f64; 2]> = estimates.iter().flatten().filter_map(|one| one.interval).collect();
+    // An end that is no number says nothing of where the interval lies.
+    let known = |ends: &[f64; 2]| !ends.iter().any(|end| end.is_nan());
+    let intervals: Vec<[f64; 2]> =
+        estimates.iter().flatten().filter_map(|one| one.interval.filter(known)).collect();
     // Intervals on a line all share a point if and only if the largest lower end is not above the smallest upper
     // end. Otherwise these two belong to intervals that are apart.
     let low = intervals.iter().map(|[low, _]| *low).fold(f64::NEG_INFINITY, f64::max);

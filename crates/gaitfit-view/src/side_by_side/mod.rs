@@ -57,6 +57,7 @@ struct Card {
     joint: String,
     before: String,
     after: String,
+    unit: &'static str,
     svg: String,
 }
 
@@ -103,6 +104,7 @@ fn card(trace: &JointTrace, points: usize, aligned: bool) -> Option<Card> {
         joint: clean(&trace.joint),
         before: error(&trace.nominal),
         after: error(&trace.fitted),
+        unit: trace.unit(),
         svg: traces::trace(trace, 0..trace.time_s.len(), &size)?,
     })
 }

@@ -215,7 +215,7 @@ pub fn gait(count: usize) -> GaitPicture {
         let peak = |f: f64, k: f64| (-((f - k * FREQUENCY) / 0.8).powi(2)).exp() / k.powi(4);
         let at = |f: f64| peak(f, 1.0) + peak(f, 2.0) + peak(f, 3.0) + 1e-3 / (1.0 + f * f / 100.0);
         let density = frequency_hz.iter().map(|&f| amplitude * amplitude * at(f)).collect();
-        TorqueSpectrum { group: group.to_string(), frequency_hz, density }
+        TorqueSpectrum { group: group.to_string(), slides: false, frequency_hz, density }
     });
     GaitPicture {
         time_s: (0..count).map(|i| i as f64 * DT).collect(),

@@ -159,6 +159,7 @@ fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
 fn held_out() -> HeldOut {
     let distances = ["FL_hip_joint", "FL_calf_joint"].map(|joint| JointDistance {
         joint: joint.into(),
+        slides: false,
         signal: Signal::Velocity,
         nominal: 0.61,
         fitted: 0.083,

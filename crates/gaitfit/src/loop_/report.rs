@@ -96,10 +96,11 @@ fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
         let within = folder.path().join(format!("round-{}", result.round));
         let course = adapt::metrics(&RunFolder::only(&within, "adapt")?)?;
         let round = adapt::round(fit, &result.adapt, &course)?;
+        let held_out = result.adapt.held_out.as_ref();
         rounds.push(Round {
             name: format!("Round {}: {} → {}", result.round, result.before, result.after),
             wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,
-            held_out: result.adapt.held_out.as_ref().map(adapt::held_out_shown),
+            held_out: held_out.map(|held| adapt::held_out_shown(held, fit.method.model())),
             fine_tuning: train::curves(&RunFolder::only(&within, "finetune")?, &result.finetune)?,
             ..round
         });

@@ -57,6 +57,9 @@ impl Walked {
     /// In a sentence.
     pub fn sentence(&self) -> String {
         let Estimate { mean, ci95 } = self.yaw_rate_error;
+        if self.walks == 0 {
+            return format!("{}: no walks", self.policy);
+        }
         let stopped = match self.stopped {
             0 => String::new(),
             stopped => format!(", {stopped} of them stopped early"),
@@ -80,12 +83,15 @@ pub fn sentences(walked: &[Walked]) -> Vec<String> {
     let mut said: Vec<String> = walked.iter().map(Walked::sentence).collect();
     if let [first, .., last] = walked {
         let Estimate { mean, ci95 } = last.minus(first);
-        said.push(format!(
-            "{} minus {} under the same commands: {mean:+.3}{} rad/s",
-            last.policy,
-            first.policy,
-            interval(ci95)
-        ));
+        // Where one of the two has no walks, there is nothing to compare.
+        if !mean.is_nan() {
+            said.push(format!(
+                "{} minus {} under the same commands: {mean:+.3}{} rad/s",
+                last.policy,
+                first.policy,
+                interval(ci95)
+            ));
+        }
     }
     said
 }
@@ -125,6 +131,9 @@ mod tests {
         assert!((walked.minus(&other).mean - 0.1).abs() < 1e-9);
         let one = Walked { walks: 1, yaw_rate_error: of_few(&[0.2]), ..walked.clone() };
         assert!(one.sentence().contains("off by 0.200 rad/s"), "{}", one.sentence());
+        let none =
+            Walked { walks: 0, stopped: 0, yaw_rate_error: of_few(&[]), errors: vec![], ..walked.clone() };
+        assert_eq!(sentences(&[other.clone(), none])[1..], ["π₁: no walks"]);
         let said = sentences(&[other, walked]);
         assert!(said[2].contains("π₁ minus π₀") && said[2].contains("+0.100"), "{said:?}");
         std::fs::write(folder.path().join("x.csv"), "time,q_a,dq_a\n0,0,0\n0.02,0,0\n").unwrap();
