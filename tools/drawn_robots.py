@@ -125,6 +125,7 @@ def truth(robot, name):
     return {
         "delay": robot["delay"], "torque_scale": robot["strength"], "floor_friction": robot["friction"] / FLOOR,
         "base_mass": robot["payload"]["mass"], "ground_softness": effects.get("soft_ground", CONTACTS) / CONTACTS - 1,
+        "ground_impedance": 0.0,  # the robots have the model's feet
         "imu_roll": math.radians(tilt[0]), "imu_pitch": math.radians(tilt[1]), "imu_delay": effects.get("imu_late", 0),
         "gyro_bias_x": bias[0], "gyro_bias_y": bias[1], "gyro_bias_z": bias[2],
         "velocity_lag": 1 / (2 * math.pi * cut) if cut else 0.0,

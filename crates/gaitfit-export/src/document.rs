@@ -78,7 +78,8 @@ pub(super) fn document(
             "payload_position": robot.payload_position,
         },
         "links": links,
-        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness, "torque_noise": candidate.torque_noise, "numbers": numbers,
+        "friction_factor": robot.friction_scale, "ground_softness": robot.ground_softness,
+        "ground_impedance": robot.ground_impedance, "torque_noise": candidate.torque_noise, "numbers": numbers,
         "networks": networks,
         "sensors": {"imu_tilt": candidate.sensors.imu_tilt, "gyro_bias": candidate.sensors.gyro_bias, "velocity_lag": robot.velocity_lag},
     });

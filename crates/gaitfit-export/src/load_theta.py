@@ -74,9 +74,11 @@ def gears(spec, theta):
 
 
 def friction(model, theta):
-    """Friction of all contacts and time constant of the ground's, which no exported robot file says."""
+    """Friction of all contacts, and time constant and impedance of the ground's, which no exported robot file says."""
     model.geom_friction[:] *= theta["friction_factor"]
     model.pair_friction[:] *= theta["friction_factor"]
     for solref in [*model.geom_solref, *model.pair_solref]:
         if solref[0] > 0:
             solref[0] *= 1 + theta["ground_softness"]
+    for solimp in [*model.geom_solimp, *model.pair_solimp]:
+        solimp[0] = max(solimp[0], min(theta["ground_impedance"], solimp[1]))

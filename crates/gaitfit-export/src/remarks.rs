@@ -47,6 +47,10 @@ const REMARKS: &[(&[&str], &str)] = &[
         &["ground_softness"],
         "ground_softness: softer contacts (compliant_contact_stiffness and _damping of the ground's material)",
     ),
+    (
+        &["ground_impedance"],
+        "ground_impedance: firmer contacts at first touch; no setting is needed where the simulator's contacts are rigid",
+    ),
     (&["floor_friction"], "friction_factor: multiply the friction of the ground's material"),
     (
         &["base_mass", "payload_mass", "payload_x", "payload_y", "payload_z"],

@@ -71,6 +71,7 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("payload_z", 0.1),
         ("floor_friction", 0.8),
         ("ground_softness", 0.5),
+        ("ground_impedance", 0.4),
         ("imu_roll", 0.02),
         ("imu_pitch", -0.03),
         ("gyro_bias_z", 0.01),

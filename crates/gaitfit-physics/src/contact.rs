@@ -17,6 +17,12 @@ use gaitfit_model::MIN_FRICTION;
 /// Impedance at violation `pos` (MuJoCo, "Solver parameters", the d(r) curve).
 #[inline(always)]
 pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
+    rise(c, pos).fma(T::k(c.rise), T::k(c.dmin))
+}
+
+/// How far the impedance has risen at violation `pos`, from 0 to 1: y(x) of the curve.
+#[inline(always)]
+fn rise<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
     let one = T::lit(1.0);
     // Beyond the width the curve stays at its end.
     let x = (pos.abs() * T::k(c.per_width)).min(one);
@@ -39,8 +45,7 @@ pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
         }
         digits <<= 1;
     }
-    let y = T::select_lt(x, below, T::k(c.low) * y, (T::k(c.high)).fnma(y, one));
-    y.fma(T::k(c.rise), T::k(c.dmin))
+    T::select_lt(x, below, T::k(c.low) * y, (T::k(c.high)).fnma(y, one))
 }
 
 separate! {
@@ -88,7 +93,7 @@ separate! {
             }
             let friction = work.pairs[index].friction[0];
             let weight = params.pairs[index].translation;
-            let rows = Softness::new(pair, params.robot.ground_softness);
+            let rows = Softness::new(pair, params.robot.ground_softness, params.robot.ground_impedance);
             let inverse_scale = row_scale(tree, pair.condim, friction, weight) * rows.gain;
             let points = &mut work.points[pair.points.clone()];
             match pair.touched {
@@ -309,22 +314,28 @@ pub(crate) fn components<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, v: V3<T>) ->
     if pair.aligned { [v[2], v[1], v[0]] } else { rotate(frame, v) }
 }
 
-/// Spring and dampers of a pair's rows on ground that may be softer than the model's.
+/// Spring, dampers and impedance of a pair's rows on ground that may be softer or harder than the model's.
 struct Softness<T> {
     k: T,
     b: T,
     friction_b: T,
     gain: T,
+    /// Impedance at first touch.
+    dmin: T,
+    /// What the impedance rises by, the deeper the feet sink in.
+    rise: T,
 }
 
 impl<T: Real> Softness<T> {
     /// A time constant that is longer by the factor s = 1 + `softness` makes the damping b/s and the stiffness k/s²; where
-    /// velocities act later than at the step's start, the rows' gain 1 + b·lead changes with them.
+    /// velocities act later than at the step's start, the rows' gain 1 + b·lead changes with them. The impedance at first
+    /// touch is at least `least`, but not above the curve's end.
     #[inline(always)]
-    fn new(pair: &Pair<T::K>, softness: T) -> Self {
+    fn new(pair: &Pair<T::K>, softness: T, least: T) -> Self {
+        let (dmin, rise) = Self::impedance(pair, least);
         let (k, b) = (T::k(pair.reference.k), T::k(pair.reference.b));
         let (friction_b, gain) = (T::k(pair.friction_b), T::k(pair.reference.gain));
-        let hard = Self { k, b, friction_b, gain };
+        let hard = Self { k, b, friction_b, gain, dmin, rise };
         let soft = softness.unless_zero();
         // Without extra softness the divisions below are skipped.
         if !T::enter(soft) {
@@ -339,6 +350,7 @@ impl<T: Real> Softness<T> {
             b: b * (change * less),
             friction_b: friction_b * (change * less),
             gain: gain * change,
+            ..hard
         };
         T::leave(soft);
         Self {
@@ -346,7 +358,22 @@ impl<T: Real> Softness<T> {
             b: softer.b.merge(soft, hard.b),
             friction_b: softer.friction_b.merge(soft, hard.friction_b),
             gain: softer.gain.merge(soft, hard.gain),
+            ..hard
         }
+    }
+
+    /// First value and rise of the impedance curve. With `least` 0 they are the model's, bit by bit.
+    #[inline(always)]
+    fn impedance(pair: &Pair<T::K>, least: T) -> (T, T) {
+        let (dmin, rise) = (T::k(pair.impedance.dmin), T::k(pair.impedance.rise));
+        let harder = least.unless_zero();
+        if !T::enter(harder) {
+            return (dmin, rise);
+        }
+        let higher = least.min(dmin + rise).max(dmin);
+        let left = rise - (higher - dmin);
+        T::leave(harder);
+        (higher.merge(harder, dmin), left.merge(harder, rise))
     }
 }
 
@@ -361,7 +388,7 @@ fn point_rows<T: Real>(
     point: &mut Point<T>,
 ) {
     let depth = point.distance - T::k(pair.margin);
-    let imp = impedance(&pair.impedance, depth);
+    let imp = rise(&pair.impedance, depth).fma(rows.rise, rows.dmin);
     // MuJoCo's R is (1 − imp)/imp times an estimate of the row's inverse inertia, and D is 1/R.
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
     // A point that does not touch has D = 0: its row has neither force nor stiffness.

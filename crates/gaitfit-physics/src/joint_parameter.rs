@@ -130,6 +130,10 @@ macro_rules! joint_parameters {
                 /// for twice as long, which lets feet sink in four times as deep.
                 ground_softness; None; 0.0
 
+                /// Least impedance of the ground's contacts at first touch (the first number of MuJoCo's `solimp`): 0 leaves the
+                /// model's. It ends at the second number.
+                ground_impedance; None; 0.0
+
                 /// Time constant of the filter through which sensors read joint velocities, s; 0 for none. The motion does
                 /// not depend on it. See [`VelocityFilter`](crate::VelocityFilter).
                 velocity_lag; Some(0.0); 0.0

@@ -57,6 +57,8 @@ kept! {
     load_friction: (_, "load_friction") => |robot| all(&robot.load_friction, 0.0);
     /// Whether the ground is as hard as the model's.
     ground: (_, "ground_softness") => |robot| robot.ground_softness == 0.0;
+    /// Whether contacts begin with the model's impedance.
+    impedance: (_, "ground_impedance") => |robot| robot.ground_impedance == 0.0;
     /// Whether the largest torque of every motor is the same at any speed.
     motors: (_, "no_load_speed") => |robot| robot.no_load_speed.iter().all(|&speed| speed >= MAX_SPEED);
 }

@@ -19,8 +19,8 @@ NetworkName = Literal["action_delta", "resid_act"]
 NetworkStart = Literal["zero", "random", "features"]
 RobotNumber = Literal[
     "torque_noise", "base_mass", "base_com_x", "base_com_y", "base_com_z", "payload_mass", "payload_x", "payload_y",
-    "payload_z", "floor_friction", "ground_softness", "imu_roll", "imu_pitch", "gyro_bias_x", "gyro_bias_y",
-    "gyro_bias_z", "velocity_lag", "imu_delay",
+    "payload_z", "floor_friction", "ground_softness", "ground_impedance", "imu_roll", "imu_pitch", "gyro_bias_x",
+    "gyro_bias_y", "gyro_bias_z", "velocity_lag", "imu_delay",
 ]
 FindingKind = Literal[
     "malformed", "missing-joint", "extra-joint", "joint-order", "too-short", "non-monotonic-time", "time-gap",
@@ -183,8 +183,8 @@ class Number(Settings):
     Attributes:
         kind: Which number. One of ``torque_noise``, ``base_mass``, ``base_com_x``, ``base_com_y``, ``base_com_z``,
             ``payload_mass``, ``payload_x``, ``payload_y``, ``payload_z``, ``floor_friction``, ``ground_softness``,
-            ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``, ``velocity_lag``,
-            ``imu_delay``.
+            ``ground_impedance``, ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``,
+            ``velocity_lag``, ``imu_delay``.
         lower: Lower bound.
         upper: Upper bound.
         start: First mean.

@@ -86,8 +86,8 @@ class TrueNumber(Settings):
     Attributes:
         kind: Which number. One of ``torque_noise``, ``base_mass``, ``base_com_x``, ``base_com_y``, ``base_com_z``,
             ``payload_mass``, ``payload_x``, ``payload_y``, ``payload_z``, ``floor_friction``, ``ground_softness``,
-            ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``, ``velocity_lag``,
-            ``imu_delay``.
+            ``ground_impedance``, ``imu_roll``, ``imu_pitch``, ``gyro_bias_x``, ``gyro_bias_y``, ``gyro_bias_z``,
+            ``velocity_lag``, ``imu_delay``.
         value: Its value.
 
     >>> settings = Target("simulated", numbers=[TrueNumber("payload_mass", value=2.0)])

@@ -122,6 +122,10 @@ robot_numbers! {
     GroundSoftness ground_softness; "-"; 0.0;
     (0.0, 5.0, 0.0, 0.3); { robot.ground_softness };
 
+    /// Least impedance of the ground's contacts at first touch, MuJoCo's `solimp[0]`: firm feet have 0.9, soft ones less.
+    GroundImpedance ground_impedance; "-"; 0.0;
+    (0.0, 0.99, 0.9, 0.2); { robot.ground_impedance };
+
     /// Roll of the inertial unit's mounting error, rad.
     ImuRoll imu_roll; "rad"; f64::NEG_INFINITY;
     (-0.1, 0.1, 0.0, 0.01); { sensors.imu_tilt[0] };

@@ -44,6 +44,8 @@ const ONE_JOINT: f64 = 3.0;
 const WIDER: f64 = 10.0;
 /// An interval below this part of the bounds says that 0 was wanted, and not only allowed.
 const TIGHT: f64 = 0.05;
+/// An upper bound of the impedance of contacts from which on they are rigid.
+const RIGID: f64 = 0.99;
 /// Parameters that a doubt names.
 const NAMED: usize = 6;
 
@@ -288,7 +290,9 @@ pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
     let estimate = &parameter.found;
     // `at_bound` does not say which bound it is: it is the nearer one.
     let upper = estimate.value - estimate.lower >= estimate.upper - estimate.value;
-    estimate.at_bound && (upper || estimate.lower != 0.0)
+    // Contacts with the largest impedance are rigid, which is an end of that quantity as 0 is one of others.
+    let rigid = estimate.name == RobotNumber::GroundImpedance.name() && estimate.upper >= RIGID;
+    estimate.at_bound && if upper { !rigid } else { estimate.lower != 0.0 }
 }
 
 /// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,

@@ -20,6 +20,8 @@ const ZERO_RAD: f64 = 0.01;
 const LOAD_DISTANCE_M: f64 = 0.15;
 /// Feet of a biped.
 const BIPED: usize = 2;
+/// Feet whose contacts begin with this impedance (MuJoCo's own default) are firm.
+const FIRM: f64 = 0.9;
 /// Upper bounds are at least this many times the model's own value.
 const OWN: f64 = 3.0;
 
@@ -78,6 +80,7 @@ fn power(ratio: f64) -> f64 {
 /// Scales the bounds, deviations and starts that `given` leaves to the defaults to the robot of `model`. `config` has the
 /// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
 /// where the search starts.
+/// Robots whose model has firm feet have no number for firmer ones, because it would do nothing.
 /// A biped with the default numbers gets a load with a position instead of a heavier base: the position decides whether it
 /// falls. A biped with the default parameters keeps the stated gains, because its many joint groups would leave each gain
 /// unknown.
@@ -134,6 +137,9 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     if is_biped(feet) && usual.parameter == given.parameter {
         config.parameter.retain(|rule| rule.kind != JointParameter::KpScale);
     }
+    if usual.number == given.number && !has_soft_feet(model) {
+        config.number.retain(|rule| rule.kind != RobotNumber::GroundImpedance);
+    }
     let base = RobotRule::new(RobotNumber::BaseMass);
     if is_biped(feet) && usual.number == given.number && usual.number.contains(&base) {
         config.number.retain(|rule| rule.kind != base.kind);
@@ -168,6 +174,14 @@ pub fn usual_priors(feet: usize) -> Vec<SwingNumber> {
         priors.push(prior(RobotNumber::PayloadZ.name(), 0.0, LOAD_DISTANCE_M));
     }
     priors
+}
+
+/// Whether a contact with the ground begins softly and gets firmer with depth.
+fn has_soft_feet(model: &Model) -> bool {
+    model.pairs.iter().any(|pair| {
+        let [first, last, width, ..] = pair.solimp;
+        first < FIRM && first < last && width > 0.0
+    })
 }
 
 /// Mass of the base itself, kg.
@@ -216,6 +230,29 @@ mod tests {
         resolved.parameter.iter_mut().for_each(ParameterRule::resolve);
         resolved.number.iter_mut().for_each(RobotRule::resolve);
         assert_eq!((config.parameter, config.number), (resolved.parameter, resolved.number));
+    }
+
+    #[test]
+    fn firm_feet_need_no_number_for_firmer_ones() {
+        let mut model = crate::robot::go2().unwrap();
+        model.pairs.iter_mut().for_each(|pair| pair.solimp = [0.9, 0.95, 0.001, 0.5, 2.0]);
+        let given = crate::settings::walk_defaults();
+        let kinds = |config: &AdaptConfig| -> Vec<RobotNumber> {
+            config
+                .number
+                .iter()
+                .map(|rule| rule.kind)
+                .filter(|&kind| kind == RobotNumber::GroundImpedance)
+                .collect()
+        };
+        assert!(kinds(&defaults(&model)).is_empty() && kinds(&given).len() == 1);
+        let stated = AdaptConfig {
+            number: vec![RobotRule::new(RobotNumber::GroundImpedance)],
+            ..AdaptConfig::default()
+        };
+        let mut config = stated.clone();
+        fit_to(&mut config, &stated, &model, 4);
+        assert_eq!(kinds(&config).len(), 1, "what a user asks for stays");
     }
 
     #[test]

@@ -14,9 +14,10 @@ use toml::de::{DeTable, DeValue};
 pub(super) const WALK_DEFAULTS: &str = include_str!("walk.toml");
 /// Lists of what is fitted. Who gives one of them chooses all of it.
 const FITTED: [&str; 3] = ["parameter", "network", "number"];
-/// The list of numbers of the whole robot, and the one that `wass` alone can see.
+/// The list of numbers of the whole robot, and those of them that are defaults of `wass` alone. Torque noise makes
+/// predictions worse, whatever it is; the impedance of contacts was measured with `wass` only.
 const NUMBERS: &str = "number";
-const NOISE: &str = "torque_noise";
+const OF_DISTRIBUTIONS: [&str; 2] = ["torque_noise", "ground_impedance"];
 /// Tables of how `wass` is searched.
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
 /// Settings of the simulation that go with the default parameters alone. Whoever chooses the parameters chooses these too.
@@ -86,10 +87,10 @@ pub(super) fn set_motor_board_period(fitted: &mut DeTable<'_>) {
     merge(fitted, DeTable::parse(MOTOR_BOARD_PERIOD).map(Spanned::into_inner).unwrap_or_default());
 }
 
-/// Whether only distributions show a number of the robot: torque noise makes predictions worse, whatever it is.
+/// Whether a number of the robot is a default of `wass` alone.
 fn of_distributions(number: &DeValue<'_>) -> bool {
     let DeValue::Table(table) = number else { return false };
-    matches!(table.get("kind").map(Spanned::get_ref), Some(DeValue::String(kind)) if kind == NOISE)
+    matches!(table.get("kind").map(Spanned::get_ref), Some(DeValue::String(kind)) if OF_DISTRIBUTIONS.contains(&kind.as_ref()))
 }
 
 /// Whether the first cost is that of the defaults.
@@ -131,7 +132,8 @@ mod tests {
             [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale, KpScale, EncoderBias]
         );
         let numbers: Vec<RobotNumber> = settings.number.iter().map(|rule| rule.kind).collect();
-        assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass, RobotNumber::TorqueNoise]);
+        use RobotNumber::{BaseMass, FloorFriction, GroundImpedance, TorqueNoise};
+        assert_eq!(numbers, [FloorFriction, GroundImpedance, BaseMass, TorqueNoise]);
         assert!(settings.optimizer.patience > 0 && settings.optimizer.population > 0);
         assert_eq!(read("base = \"free\"\n").parameter, settings.parameter);
         assert_eq!(read("base = \"fixed\"\npolicy = \"p\"\n").base, Base::Fixed, "what a file has stays");

@@ -131,6 +131,10 @@ fn values_at_bounds_and_at_nothing_count() {
     assert!(nothing.len() == 1 && nothing[0].1.contains("rests at 0"), "{nothing:?}");
     assert!(at("frictionloss_hip", 0.0, [0.0, 0.3]).is_empty(), "0 is allowed, and so is more");
     assert!(at("damping_hip", 0.0, [0.0, 0.01]).is_empty(), "joints without damping exist");
+    let rigid = example("ground_impedance", 0.99, [0.0, 0.99], [0.9, 0.99]);
+    assert!(kinds(&fit(vec![rigid]), &[], &score("f", 0.1, None)).is_empty(), "contacts may be rigid");
+    let less = example("ground_impedance", 0.8, [0.0, 0.8], [0.7, 0.8]);
+    assert_eq!(kinds(&fit(vec![less]), &[], &score("f", 0.1, None)).len(), 1, "a bound of the user's is one");
     let known = Parameter { truth: Some(0.0), ..parameter("frictionloss_hip", 0.0, [0.0, 0.01]) };
     assert!(kinds(&fit(vec![known]), &[], &score("f", 0.1, None)).is_empty());
 }

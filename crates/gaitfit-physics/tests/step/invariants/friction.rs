@@ -180,17 +180,38 @@ fn name_and_count(slot: Slot, number: &mut f64, names: &mut Vec<String>, next: &
 /// Contacts that are slower by some part are those of a model whose `solref` is longer by it.
 #[test]
 fn softer_ground_is_a_longer_time_constant() {
-    for emulated_step in [None, Some(1e-3)] {
-        let model = robot("go2");
-        let softness = 0.7;
-        let mut soft = model.clone();
-        for pair in &mut soft.pairs {
-            pair.solref[0] *= 1.0 + softness;
+    let model = robot("go2");
+    let softness = 0.7;
+    let mut soft = model.clone();
+    for pair in &mut soft.pairs {
+        pair.solref[0] *= 1.0 + softness;
+    }
+    let mut changed = Robot::nominal(&model);
+    changed.ground_softness = softness;
+    fall_alike(&soft, &model, &changed);
+}
+
+/// Contacts with a larger first impedance are those of a model whose `solimp` says so. No curve rises above its end.
+#[test]
+fn firmer_ground_is_a_larger_first_impedance() {
+    let model = robot("go2");
+    for least in [0.6_f64, 0.97] {
+        let mut firm = model.clone();
+        for pair in &mut firm.pairs {
+            pair.solimp[0] = pair.solimp[0].max(least.min(pair.solimp[1]));
         }
+        assert!(firm.pairs.iter().any(|pair| pair.solimp[0] == least), "the feet get firmer");
         let mut changed = Robot::nominal(&model);
-        changed.ground_softness = softness;
+        changed.ground_impedance = least;
+        fall_alike(&firm, &model, &changed);
+    }
+}
+
+/// Drops the robot of the file `changed` and the robot `by_number` of the file `model` onto the ground; they move alike.
+fn fall_alike(changed: &gaitfit_model::Model, model: &gaitfit_model::Model, by_number: &Robot) {
+    for emulated_step in [None, Some(1e-3)] {
         let [by_file, by_number] =
-            [(&soft, Robot::nominal(&soft)), (&model, changed)].map(|(model, robot)| {
+            [(changed, &Robot::nominal(changed)), (model, by_number)].map(|(model, robot)| {
                 let settings = Settings { emulated_step, ..converged(model) };
                 let tree = compile::<f64>(model, &settings).unwrap();
                 let params = robot.params(model).unwrap();
