@@ -74,11 +74,16 @@ def gears(spec, theta):
 
 
 def friction(model, theta):
-    """Friction of all contacts, and time constant and impedance of the ground's, which no exported robot file says."""
+    """Friction of all contacts, and time constant and impedance of the ground's, which no exported robot file says.
+
+    The impedance is set geom by geom. It is the fitted one where the foot has priority, as the Go2's has. Otherwise MuJoCo
+    mixes foot and floor afterwards. Contacts of the robot with itself change too.
+    """
     model.geom_friction[:] *= theta["friction_factor"]
     model.pair_friction[:] *= theta["friction_factor"]
     for solref in [*model.geom_solref, *model.pair_solref]:
         if solref[0] > 0:
             solref[0] *= 1 + theta["ground_softness"]
     for solimp in [*model.geom_solimp, *model.pair_solimp]:
-        solimp[0] = max(solimp[0], min(theta["ground_impedance"], solimp[1]))
+        if solimp[2] > 0:
+            solimp[0] = max(solimp[0], min(theta.get("ground_impedance", 0.0), solimp[1]))

@@ -10,7 +10,7 @@ use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, ROLL_PITCH_YAW};
 use gaitfit_log::{TimeUnit, recognise_time_unit};
 use gaitfit_model::{listed, shown};
 use indexmap::IndexMap;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Gives every column of a source its name here. Columns without one are left out and listed.
 pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
@@ -22,16 +22,19 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
         let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
         let mut observed: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         let unmeasured = unmeasured(&table.columns);
+        let mut left = BTreeSet::new();
         for (name, values) in std::mem::take(&mut table.columns) {
             let taken = source.chosen
                 || take.is_empty()
                 || take.iter().any(|wanted| {
                     table.name.starts_with(wanted.as_str()) || name.starts_with(wanted.as_str())
                 });
-            let within = |begin: &String| {
+            let within = |begin: &&String| {
                 name.strip_prefix(begin.as_str()).is_some_and(|rest| rest.starts_with(['/', '.']))
             };
-            if !said.contains_key(&name) && unmeasured.iter().any(within) {
+            if let Some(begin) = unmeasured.iter().find(within).filter(|_| taken && !said.contains_key(&name))
+            {
+                left.insert(begin.clone());
                 continue;
             }
             // What the mapping says wins, and takes the quantity away from columns that only look like it.
@@ -74,7 +77,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
         }
         table.columns = columns;
         let not = "not measured, because its covariance begins with -1";
-        source.left_out.extend(unmeasured.iter().map(|begin| format!("{}: {not}", shown(begin))));
+        source.left_out.extend(left.iter().map(|begin| format!("{}: {not}", shown(begin))));
     }
     if !unknown.is_empty() {
         let names = listed(unknown.iter().map(|name| shown(name)), 12);

@@ -53,7 +53,7 @@ pub(crate) fn compile(
     if ctx.mend {
         fill_masses(ctx, &mut spec, &welds, &member);
     }
-    // Only now do all masses count that the robot has.
+    // Before this line some masses are missing.
     scale_total_mass(&mut spec);
     // Checked before anything is renumbered: the messages name places of the file.
     check_sizes(ctx, &spec, &member)?;

@@ -105,8 +105,8 @@ pub struct RunOutcome {
     #[serde(default)]
     pub falls: usize,
     /// Standard deviations of the search where it was left, in the entries' units: values between which it had not yet
-    /// chosen. With restarts they are of the start that found the values. Empty of a search that came to its end, and
-    /// of least squares.
+    /// chosen. With restarts they are of the start that found the values, whose last ones count unless it converged.
+    /// Empty of a search without restarts that came to its end, and of least squares.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub deviations: Vec<f64>,
     /// Mean of the search's distribution at its end, in the entries' units; with restarts of the start that found the

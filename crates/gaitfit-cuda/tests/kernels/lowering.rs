@@ -126,9 +126,9 @@ fn what_robots_keep_is_constant() {
     let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
     let robot = Robot::nominal(&model);
     let fixed = Kept::from_robot(&robot).numbers(&robot.params(&model).unwrap());
-    // Ten numbers of each link; friction at rest and under load, play, compliance and speed of each joint; the ground, and
-    // how late velocities and the inertial unit are read.
-    assert_eq!(fixed.len(), 12 * (10 + 5) + 3);
+    // Ten numbers of each link; friction at rest and under load, play, compliance and speed of each joint; softness and
+    // impedance of the ground, and how late velocities and the inertial unit are read.
+    assert_eq!(fixed.len(), 12 * (10 + 5) + 4);
     let options = PeriodOptions { substeps: 3, taps: 1, lanes: 4, emit: EmitOptions::default() };
     let period = |fixed| {
         let report = Report { fixed, ..Report::default() };

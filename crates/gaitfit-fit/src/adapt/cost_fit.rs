@@ -191,7 +191,7 @@ fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, 
 const COMPARED_DRAWS: u8 = 8;
 
 /// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported: without
-/// the charge for falls and the price of priors.
+/// the charge for falls, the price of priors and that of large networks.
 pub(super) fn beside(
     setup: &Setup,
     first: &CostOutcome,
@@ -211,7 +211,11 @@ pub(super) fn beside(
             let (simulator, theta) = (setup.searched().simulator.as_ref(), &setup.theta);
             let evaluations = evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never)?;
             let distance = |(values, drawn): (&Vec<f64>, &[Evaluation])| {
-                Some(mean(drawn.iter().map(|one| one.cost))? - theta.prior_cost(values))
+                Some(
+                    mean(drawn.iter().map(|one| one.cost))?
+                        - theta.prior_cost(values)
+                        - theta.regularisation(values),
+                )
             };
             Ok(candidates.iter().zip(evaluations.chunks(draws.into())).map(distance).collect())
         }

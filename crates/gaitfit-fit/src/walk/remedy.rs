@@ -10,7 +10,7 @@ use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;
 use gaitfit_sim::Candidate;
-use gaitfit_swing::GroupEstimate;
+use gaitfit_swing::{GroupEstimate, usual_group};
 
 /// The numbers of a spring.
 const SPRING: [JointParameter; 2] = [JointParameter::Stiffness, JointParameter::SpringTorque];
@@ -49,14 +49,16 @@ impl Remedies {
             }
         }
         for rule in &mut remedies.parameter {
-            // Joints that have the parameter keep it.
+            // Groups with a joint that has the parameter are left out: they count as covered, and their entry has a name.
             let kind = rule.kind;
-            let lacks = |joint: &&String| !has_joint(kind, joint, theta, base, joints);
-            let left: Vec<String> = joints.iter().filter(lacks).cloned().collect();
-            if left.len() < joints.len() {
-                rule.joints = left;
+            let has = |joint: &&String| has_joint(kind, joint, theta, base, joints);
+            let groups: Vec<String> = joints.iter().filter(has).map(|joint| usual_group(joint)).collect();
+            if !groups.is_empty() {
+                let lacks = |joint: &&String| !groups.contains(&usual_group(joint));
+                rule.joints = joints.iter().filter(lacks).cloned().collect();
             }
         }
+        remedies.parameter.retain(|rule| !rule.joints.is_empty());
         remedies
     }
 

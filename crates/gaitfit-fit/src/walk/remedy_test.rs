@@ -179,3 +179,28 @@ fn a_weak_motor_brings_the_strength_of_its_joint_beside_that_of_all_others() {
         "it is not added twice"
     );
 }
+
+#[test]
+fn a_group_with_a_parameter_of_one_joint_gets_none_for_the_others() {
+    let (mut config, _, base, joints) = defaults();
+    let mut rule = ParameterRule {
+        per: Sharing::Joint,
+        joints: vec!["FL_calf_joint".to_owned()],
+        ..ParameterRule::new(JointParameter::Compliance)
+    };
+    rule.resolve();
+    config.parameter.push(rule);
+    let before = theta(&config, &joints);
+    let twist = |group| findings(&[(EffectKind::Elasticity, group, 0.005, 0.0001, 0.9)]);
+    assert_eq!(Remedies::new(&twist("calf"), &before, &base, &joints).note(), None);
+    Remedies::new(&twist("thigh"), &before, &base, &joints).extend(&mut config, &joints);
+    let after = theta(&config, &joints);
+    let mut names: Vec<&str> = after
+        .entries()
+        .iter()
+        .filter(|entry| entry.kind == "compliance")
+        .map(|entry| entry.name.as_str())
+        .collect();
+    names.sort_unstable();
+    assert_eq!(names, ["compliance_FL_calf", "compliance_hip", "compliance_thigh"]);
+}

@@ -20,8 +20,8 @@ const ZERO_RAD: f64 = 0.01;
 const LOAD_DISTANCE_M: f64 = 0.15;
 /// Feet of a biped.
 const BIPED: usize = 2;
-/// Feet whose contacts begin with this impedance (MuJoCo's own default) are firm.
-const FIRM: f64 = 0.9;
+/// Contacts that begin with this impedance are firm: MuJoCo's default of 0.9, less what mixing two of them rounds away.
+const FIRM: f64 = 0.9 - 1e-9;
 /// Upper bounds are at least this many times the model's own value.
 const OWN: f64 = 3.0;
 
@@ -80,7 +80,7 @@ fn power(ratio: f64) -> f64 {
 /// Scales the bounds, deviations and starts that `given` leaves to the defaults to the robot of `model`. `config` has the
 /// same rules with every default filled in. Values of the robot's file (damping 3 N·m·s/rad, say) lie inside the bounds and are
 /// where the search starts.
-/// Robots whose model has firm feet have no number for firmer ones, because it would do nothing.
+/// A robot without soft contacts gets no number for firmer ones, because it would do nothing.
 /// A biped with the default numbers gets a load with a position instead of a heavier base: the position decides whether it
 /// falls. A biped with the default parameters keeps the stated gains, because its many joint groups would leave each gain
 /// unknown.
@@ -137,7 +137,7 @@ pub fn fit_to(config: &mut AdaptConfig, given: &AdaptConfig, model: &Model, feet
     if is_biped(feet) && usual.parameter == given.parameter {
         config.parameter.retain(|rule| rule.kind != JointParameter::KpScale);
     }
-    if usual.number == given.number && !has_soft_feet(model) {
+    if usual.number == given.number && !has_soft_contacts(model) {
         config.number.retain(|rule| rule.kind != RobotNumber::GroundImpedance);
     }
     let base = RobotRule::new(RobotNumber::BaseMass);
@@ -177,7 +177,7 @@ pub fn usual_priors(feet: usize) -> Vec<SwingNumber> {
 }
 
 /// Whether a contact with the ground begins softly and gets firmer with depth.
-fn has_soft_feet(model: &Model) -> bool {
+fn has_soft_contacts(model: &Model) -> bool {
     model.pairs.iter().any(|pair| {
         let [first, last, width, ..] = pair.solimp;
         first < FIRM && first < last && width > 0.0

@@ -143,7 +143,6 @@ fn robots_start_and_stand_on_their_cells() {
     }
 }
 
-/// The first step of an episode that begins in its midst, far from the origin, is no leap of the feet.
 #[test]
 fn a_snapshot_that_is_refused_changes_nothing() {
     let scene = scene(&on(small(TerrainKind::Stairs)));
@@ -157,6 +156,7 @@ fn a_snapshot_that_is_refused_changes_nothing() {
     assert_eq!(environment.snapshot(0), before);
 }
 
+/// The first step of an episode that begins in its midst, far from the origin, is no leap of the feet.
 #[test]
 fn feet_do_not_come_from_the_origin() {
     let scene = scene(&on(small(TerrainKind::Stairs)));

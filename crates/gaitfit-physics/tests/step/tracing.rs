@@ -181,9 +181,9 @@ fn regions_are_kept() {
         .collect();
     let pairs = compile::<f64>(&model, &settings).unwrap().model_pairs().len();
     let limits = model.joints.iter().filter(|joint| joint.range.is_some()).count();
-    // One more guard a pair: softer ground. Three more a joint: friction at rest, friction under load, torque that falls
+    // Two more guards a pair: softer and firmer ground. Three more a joint: friction at rest, friction under load, torque that falls
     // with speed.
-    assert_eq!(guards.len(), 2 * pairs + limits + 3 * model.joints.len());
+    assert_eq!(guards.len(), 3 * pairs + limits + 3 * model.joints.len());
     assert_eq!(regions.iter().filter(|region| matches!(region.kind, RegionKind::Loop { .. })).count(), 2);
     let guarded = |region: &&Region| matches!(region.kind, RegionKind::Guarded(_));
     let inside: usize = regions.iter().filter(guarded).map(|region| region.nodes.len()).sum();

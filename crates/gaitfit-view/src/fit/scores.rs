@@ -1,6 +1,6 @@
 //! The result in one line, and the fitted simulator beside everything it has to beat.
 
-use super::signals::unit_of_positions;
+use super::signals::{unit_in_sentence, unit_of_positions};
 use super::standing::{self, Verdict};
 use super::{FitReport, Score};
 use crate::chart::{extent, strip};
@@ -112,7 +112,7 @@ fn cost(report: &FitReport, who: Who) -> f64 {
 
 /// Returns a sentence if the nominal simulator is closer to the logs than the fitted one; else `None`.
 pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
-    let unit_of_errors = format!(" {}", unit_of_positions(&report.traces));
+    let unit_of_errors = format!(" {}", unit_in_sentence(&report.traces));
     // The strictest first: logs that the fit did not see, then what it minimised.
     let measured = [
         (
@@ -151,7 +151,7 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
         gain: if doubted { String::new() } else { gain(report, yardstick, nominal / fitted) },
         before: significant(nominal, 3),
         after: significant(fitted, 3),
-        unit: if yardstick == Yardstick::Cost { "" } else { position_unit },
+        unit: if yardstick == Yardstick::Cost { "" } else { unit_in_sentence(&report.traces) },
         position_unit,
         meaning: match yardstick {
             Yardstick::ValidationRmse => {

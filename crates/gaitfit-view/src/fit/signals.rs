@@ -38,6 +38,14 @@ pub(crate) fn unit_of_positions(joints: &[JointTrace]) -> &'static str {
     }
 }
 
+/// The unit of a number about the positions of all `joints` together, behind the number.
+pub(crate) fn unit_in_sentence(joints: &[JointTrace]) -> &'static str {
+    match unit_of_positions(joints) {
+        unit @ ("rad" | "m") => unit,
+        _ => "rad (slides: m)",
+    }
+}
+
 /// Distribution of one joint's signal, as quantiles at equal steps of probability (0, 1/n, …, 1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SignalDistribution {
@@ -152,6 +160,8 @@ mod tests {
         assert_eq!(unit_of_positions(&[]), "rad");
         assert_eq!(unit_of_positions(&[joint(true)]), "m");
         assert_eq!(unit_of_positions(&[joint(false), joint(true)]), "rad, slides: m");
+        assert_eq!(unit_in_sentence(&[joint(false), joint(true)]), "rad (slides: m)");
+        assert_eq!(unit_in_sentence(&[joint(true)]), "m");
     }
 
     #[test]
