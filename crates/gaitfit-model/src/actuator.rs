@@ -32,8 +32,8 @@ impl Default for Gains {
 /// default, which every kind of actuator element starts from.
 #[derive(Clone, Debug)]
 pub(crate) struct ActuatorForm {
-    /// The last element read if it is no `general`: servos of another kind do not inherit its gains, but those of the
-    /// classes around this one.
+    /// Kind of the last element that was read; absent for `general`. A servo of another kind does not inherit this class's
+    /// gains. It inherits those of the classes around it.
     last: Option<&'static str>,
     gains: Gains,
     /// What position servos and velocity servos inherit from the classes around this one.

@@ -314,7 +314,7 @@ pub(crate) fn components<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, v: V3<T>) ->
     if pair.aligned { [v[2], v[1], v[0]] } else { rotate(frame, v) }
 }
 
-/// Spring, dampers and impedance of a pair's rows on ground that may be softer or harder than the model's.
+/// Spring, dampers and impedance of a pair's rows. The ground may be softer or firmer than the model's.
 struct Softness<T> {
     k: T,
     b: T,
@@ -332,7 +332,7 @@ impl<T: Real> Softness<T> {
     /// touch is at least `least`, but not above the curve's end.
     #[inline(always)]
     fn new(pair: &Pair<T::K>, softness: T, least: T) -> Self {
-        let (dmin, rise) = Self::impedance(pair, least);
+        let (dmin, rise) = Self::curve(pair, least);
         let (k, b) = (T::k(pair.reference.k), T::k(pair.reference.b));
         let (friction_b, gain) = (T::k(pair.friction_b), T::k(pair.reference.gain));
         let hard = Self { k, b, friction_b, gain, dmin, rise };
@@ -364,7 +364,7 @@ impl<T: Real> Softness<T> {
 
     /// First value and rise of the impedance curve. With `least` 0 they are the model's, bit by bit.
     #[inline(always)]
-    fn impedance(pair: &Pair<T::K>, least: T) -> (T, T) {
+    fn curve(pair: &Pair<T::K>, least: T) -> (T, T) {
         let (dmin, rise) = (T::k(pair.impedance.dmin), T::k(pair.impedance.rise));
         let harder = least.unless_zero();
         if !T::enter(harder) {

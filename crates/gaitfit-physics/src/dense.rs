@@ -180,7 +180,7 @@ pub fn constraint_rows(
     let axes = subspaces(tree, &bodies(tree, params, &state));
     let n = axes.len();
     let first = n - tree.joints();
-    // The columns of the floating base come before those of the joints.
+    // The floating base has the first columns, then come the joints.
     let unit = |j: usize, sign: f64| {
         let mut row = vec![0.0; n];
         row[first + j] = sign;

@@ -24,7 +24,7 @@ kernels! {
                     let stream = stream.environment(first.wrapping_add(lane as u32));
                     [even[lane], odd[lane]] = stream.normal_pair(column as u32 / 2);
                 }
-                // Of the last block fewer rows may be left than lanes: those beyond are drawn and not written.
+                // The last block may have fewer rows than lanes. The numbers of the other lanes are drawn and dropped.
                 for (lane, row) in rows.chunks_mut(width).enumerate() {
                     row[column] = even[lane];
                     // An odd width leaves the second normal of the last pair unused.

@@ -60,8 +60,8 @@ pub fn compare(
             values[index] = other.parameters[index].value;
             values
         };
-        let own = (!apart.is_empty()).then(|| outcome.values());
-        own.into_iter().chain(apart.iter().map(swap)).collect()
+        let unchanged = (!apart.is_empty()).then(|| outcome.values());
+        unchanged.into_iter().chain(apart.iter().map(swap)).collect()
     };
     let first_costs = first_cost(&swapped(first, second))?;
     let second_costs = second_cost(&swapped(second, first))?;
@@ -72,9 +72,9 @@ pub fn compare(
         let reason = apart.iter().position(|&one| one == index).map(|at| {
             let rise = |costs: &[Option<f64>]| {
                 // The fit's own values are the first candidate.
-                let own = costs.first().copied().flatten()?;
+                let before = costs.first().copied().flatten()?;
                 // A diverged candidate has no rise; the reason then says so. An equal cost has none either, also of 0.
-                let rise = |cost: f64| if cost == own { 0.0 } else { cost / own - 1.0 };
+                let rise = |cost: f64| if cost == before { 0.0 } else { cost / before - 1.0 };
                 costs.get(at + 1).copied().flatten().map(rise)
             };
             reason(first, rise(&first_costs), a, second, rise(&second_costs), b)

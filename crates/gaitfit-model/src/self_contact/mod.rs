@@ -373,7 +373,7 @@ impl Model {
         // An earlier choice is replaced.
         model.self_pairs.clear();
         let (mut others, mut simplified) = (Vec::new(), Vec::new());
-        // Which edge of a box faces the other part is decided once, with all joints at their references.
+        // All joints are at their references here. This decides once which edge of a box faces the other part.
         let frames = rest_frames(self);
         let contacts: Vec<Result<Computed, String>> =
             wanted.into_iter().map(|[a, b]| parts.pair(a, b, &frames)).collect();

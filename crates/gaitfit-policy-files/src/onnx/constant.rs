@@ -200,14 +200,14 @@ mod tests {
     #[test]
     fn a_single_number_keeps_the_axes_of_both_sides() {
         let none = Attributes::decode(&Node::default()).unwrap();
-        let of = |dims: &[usize], values: &[f64]| Constant {
+        let constant = |dims: &[usize], values: &[f64]| Constant {
             dims: dims.to_vec(),
             ..Constant::wholes(values.to_vec())
         };
         let sum = |a: &Constant, b: &Constant| Constant::fold("Add", &[a, b], &none).unwrap();
-        let one = sum(&of(&[], &[2.0]), &of(&[1], &[3.0]));
+        let one = sum(&constant(&[], &[2.0]), &constant(&[1], &[3.0]));
         assert_eq!((one.dims, one.values), (vec![1], vec![5.0]));
-        let row = sum(&of(&[3], &[1.0, 2.0, 3.0]), &of(&[1, 1], &[1.0]));
+        let row = sum(&constant(&[3], &[1.0, 2.0, 3.0]), &constant(&[1, 1], &[1.0]));
         assert_eq!((row.dims, row.values), (vec![1, 3], vec![2.0, 3.0, 4.0]));
     }
 }

@@ -51,7 +51,7 @@ impl Taken {
             Self::Terms(terms) => {
                 let mut places = Vec::new();
                 for quantity in terms {
-                    // Of a quantity that is observed twice the first term counts.
+                    // If a quantity is observed twice, its first term counts.
                     let slot = layout.slots().iter().find(|slot| slot.quantity == *quantity);
                     let slot = slot.ok_or_else(|| {
                         let name = quantity.name();

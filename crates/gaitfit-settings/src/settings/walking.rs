@@ -14,9 +14,10 @@ use toml::de::{DeTable, DeValue};
 pub(super) const WALK_DEFAULTS: &str = include_str!("walk.toml");
 /// Lists of what is fitted. Who gives one of them chooses all of it.
 const FITTED: [&str; 3] = ["parameter", "network", "number"];
-/// The list of numbers of the whole robot, and those of them that are defaults of `wass` alone. Torque noise makes
-/// predictions worse, whatever it is; the impedance of contacts was measured with `wass` only.
+/// The list of numbers of the whole robot.
 const NUMBERS: &str = "number";
+/// Numbers that only fits by `wass` search by default. Any torque noise makes predictions worse, and the impedance of
+/// contacts was tried with `wass` only.
 const OF_DISTRIBUTIONS: [&str; 2] = ["torque_noise", "ground_impedance"];
 /// Tables of how `wass` is searched.
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];

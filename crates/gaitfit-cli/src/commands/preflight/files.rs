@@ -241,11 +241,11 @@ mod tests {
 
     #[test]
     fn a_prior_at_0_is_as_unsure_as_its_negative_estimates() {
-        let of = |value: f64| Measured { value, error: 0.002 };
-        let (value, deviation) = together(&[of(-0.01), of(-0.01)]);
+        let measured = |value: f64| Measured { value, error: 0.002 };
+        let (value, deviation) = together(&[measured(-0.01), measured(-0.01)]);
         assert_eq!(value, 0.0);
         assert!((deviation - 0.01_f64.hypot(0.002)).abs() < 1e-12, "{deviation}");
-        let (value, deviation) = together(&[of(0.01), of(0.03)]);
+        let (value, deviation) = together(&[measured(0.01), measured(0.03)]);
         assert!((value - 0.02).abs() < 1e-12 && (deviation - 0.01_f64.hypot(0.002)).abs() < 1e-12);
     }
 }
