@@ -111,7 +111,9 @@ pub(crate) fn fill_masses(ctx: &mut Context, spec: &mut Spec, welds: &[usize], m
             .collect();
         for (part, inertial) in &of_shapes {
             let kilograms = shown_number(format!("{:.2e}", inertial.mass).parse().unwrap_or(inertial.mass));
-            let how = format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³");
+            let scaled =
+                if spec.total_mass.is_some() { ", before `settotalmass` scales all masses" } else { "" };
+            let how = format!("its shapes weigh {kilograms} kg at {DENSITY} kg/m³{scaled}");
             fill(ctx, &mut spec.bodies[*part], *inertial, &how);
         }
         if !of_shapes.is_empty() {

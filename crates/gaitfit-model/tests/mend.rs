@@ -180,6 +180,7 @@ fn links_without_mass_get_that_of_shapes_fixed_to_them() {
     let total = "<mujoco><compiler settotalmass=\"12\"/></mujoco></robot>";
     let model = read_urdf_str(&text.replace("</robot>", total), &mending()).unwrap();
     assert!((model.total_mass() - 12.0).abs() < 1e-9 && (model.bodies[2].mass - 2.0).abs() < 1e-9);
+    says(&model, &["its shapes weigh 1 kg at 1000 kg/m³, before `settotalmass` scales all masses (a guess)"]);
 }
 
 #[test]
@@ -294,6 +295,28 @@ fn scenes_that_name_themselves_are_refused() {
     assert!(mesh::parse("dae", wide.as_bytes()).unwrap_err().to_string().contains("attributes"));
     let one = scene("<node><instance_geometry url=\"#g\"/></node>");
     assert_eq!(mesh::parse("dae", one.as_bytes()).unwrap().triangles.len(), 1);
+}
+
+#[test]
+fn strips_and_fans_of_collada_are_read_and_holes_are_refused() {
+    let mesh = |group: &str, faces: &str, turn: &str| {
+        let text = format!(
+            "<COLLADA><geometry id=\"g\"><mesh><source id=\"p\"><float_array>0 0 0 1 0 0 1 1 0 0 1 0</float_array>\
+             </source><{group}><input semantic=\"VERTEX\" source=\"#p\"/>{faces}</{group}></mesh></geometry><visual_scene><node>\
+             <rotate>{turn}</rotate><instance_geometry url=\"#g\"/></node></visual_scene></COLLADA>"
+        );
+        mesh::parse("dae", text.as_bytes())
+    };
+    let [a, b, c, d] = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    // A rotation about no axis is none.
+    let fan = mesh("trifans", "<p>0 1 2 3</p><p>1 2 3</p>", "0 0 0 90").unwrap();
+    assert_eq!(fan.triangles, [[a, b, c], [a, c, d], [b, c, d]]);
+    // Both triangles of a strip show the same side.
+    let strip = mesh("tristrips", "<p>0 1 3 2</p>", "0 0 0 0").unwrap();
+    assert_eq!(strip.triangles, [[a, b, d], [d, b, c]]);
+    let holes = mesh("polygons", "<p>0 1 2</p><ph><p>0 1 2</p><h>1 2 3</h></ph>", "0 0 1 0");
+    assert!(holes.unwrap_err().to_string().contains("polygons with holes (<ph>)"));
+    assert!(mesh("triangles", "<p>0 1 2</p>", "nan 0 0 90").is_err());
 }
 
 #[test]

@@ -16,6 +16,8 @@ type Transform = [[f64; 4]; 3];
 const UNMOVED: Transform = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 /// Max number of elements of a document.
 const MAX_NODES: u32 = 1 << 20;
+/// Elements that hold faces. Lines have none.
+const GROUPS: [&str; 5] = ["triangles", "polylist", "polygons", "tristrips", "trifans"];
 
 pub(super) fn read(text: &str) -> Result<Vec<[Vec3; 3]>, ContentError> {
     // The parser compares every two attributes of a tag, so very many of them would take it hours.
@@ -107,10 +109,14 @@ impl<'a, 'input> Reader<'a, 'input> {
     ) -> Result<(), ContentError> {
         for group in geometry.descendants() {
             self.count(1)?;
-            if !["triangles", "polylist", "polygons"].iter().any(|name| named(&group, name)) {
+            if !GROUPS.iter().any(|name| named(&group, name)) {
                 continue;
             }
             let children = || group.children().filter(Node::is_element);
+            // A face without its holes would be larger than the real one.
+            if children().any(|child| named(&child, "ph")) {
+                return Err(ContentError::Holes);
+            }
             let inputs = || children().filter(|child| named(child, "input"));
             let offset = |input: &Node| {
                 input.attribute("offset").and_then(|text| text.parse::<usize>().ok()).unwrap_or(0)
@@ -129,7 +135,10 @@ impl<'a, 'input> Reader<'a, 'input> {
             };
             for corners in children().filter(|child| named(child, "p")) {
                 let all: Vec<usize> = self.numbers(corners)?;
-                let corners: Vec<usize> = all.chunks_exact(stride).map(|corner| corner[place]).collect();
+                let mut corners: Vec<usize> = all.chunks_exact(stride).map(|corner| corner[place]).collect();
+                if named(&group, "tristrips") {
+                    corners = unrolled(&corners)?;
+                }
                 let mut rest = &corners[..];
                 let mut take = |size: usize| -> Result<(), ContentError> {
                     let (face, after) = rest.split_at_checked(size).ok_or(ContentError::Corners)?;
@@ -146,8 +155,8 @@ impl<'a, 'input> Reader<'a, 'input> {
                 };
                 match &sizes {
                     Some(sizes) => sizes.iter().try_for_each(|&size| take(size))?,
-                    // Each <p> of <polygons> is one face; those of <triangles> hold many.
-                    None if named(&group, "polygons") => take(corners.len())?,
+                    // Each <p> of <polygons> and <trifans> is one face or fan; those of <triangles> hold many triangles.
+                    None if named(&group, "polygons") || named(&group, "trifans") => take(corners.len())?,
                     None => (0..corners.len() / 3).try_for_each(|_| take(3))?,
                 }
             }
@@ -203,17 +212,33 @@ impl<'a, 'input> Reader<'a, 'input> {
             }
             ("translate", &[x, y, z]) => [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z]],
             ("scale", &[x, y, z]) => [[x, 0.0, 0.0, 0.0], [0.0, y, 0.0, 0.0], [0.0, 0.0, z, 0.0]],
-            ("rotate", &[x, y, z, degrees]) => {
-                let axis = crate::rotation::unit([x, y, z]).unwrap_or([0.0, 0.0, 1.0]);
-                let rows = crate::rotation::matrix(crate::rotation::axis_angle(axis, degrees.to_radians()));
-                rows.map(|[x, y, z]| [x, y, z, 0.0])
-            }
+            ("rotate", &[x, y, z, degrees]) => match crate::rotation::unit([x, y, z]) {
+                Some(axis) => {
+                    let turn = crate::rotation::axis_angle(axis, degrees.to_radians());
+                    crate::rotation::matrix(turn).map(|[x, y, z]| [x, y, z, 0.0])
+                }
+                // Exporters write 0 0 0 0 for no rotation.
+                None if [x, y, z].iter().all(|x| x.is_finite()) => UNMOVED,
+                None => return Err(ContentError::Number),
+            },
             _ => {
                 let element = node.tag_name().name().to_owned();
                 return Err(ContentError::Transform { element, numbers: values.len() });
             }
         })
     }
+}
+
+/// Corners of a strip's triangles, three each. The order of every second one is turned, so that all show the same side.
+fn unrolled(strip: &[usize]) -> Result<Vec<usize>, ContentError> {
+    if strip.len() > super::MAX_TRIANGLES + 2 {
+        return Err(ContentError::Triangles);
+    }
+    let triangle = |(place, corners): (usize, &[usize])| match place % 2 {
+        0 => [corners[0], corners[1], corners[2]],
+        _ => [corners[1], corners[0], corners[2]],
+    };
+    Ok(strip.windows(3).enumerate().flat_map(triangle).collect())
 }
 
 /// The inner transform, then the outer one.

@@ -49,6 +49,9 @@ pub enum ContentError {
     /// Triangles of a Collada file whose vertices are not there.
     #[error("triangles without positions")]
     Positions,
+    /// Faces of a Collada file with holes.
+    #[error("polygons with holes (<ph>); save the mesh as triangles")]
+    Holes,
     /// A word among the numbers of a Collada file.
     #[error("a list with a word that is no number")]
     Number,
