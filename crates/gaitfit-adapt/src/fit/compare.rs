@@ -72,10 +72,10 @@ pub fn compare(
         let reason = apart.iter().position(|&one| one == index).map(|at| {
             let rise = |costs: &[Option<f64>]| {
                 // The fit's own values are the first candidate.
-                let before = costs.first().copied().flatten()?;
-                // A diverged candidate has no rise; the reason then says so. An equal cost has none either, also of 0.
+                let Some(before) = costs.first().copied().flatten() else { return Rise::Unknown };
+                // An equal cost has no rise, also of 0.
                 let rise = |cost: f64| if cost == before { 0.0 } else { cost / before - 1.0 };
-                costs.get(at + 1).copied().flatten().map(rise)
+                costs.get(at + 1).copied().flatten().map_or(Rise::Diverges, |cost| Rise::By(rise(cost)))
             };
             reason(first, rise(&first_costs), a, second, rise(&second_costs), b)
         });
@@ -93,19 +93,31 @@ pub fn compare(
     Ok(agreements)
 }
 
+/// What the other fit's value does to a fit's cost.
+#[derive(Clone, Copy, PartialEq)]
+enum Rise {
+    /// The cost rises by this part.
+    By(f64),
+    /// The simulation diverges.
+    Diverges,
+    /// The simulation of the fit's own values diverges, so there is nothing to rise from.
+    Unknown,
+}
+
 fn reason(
     first: &CostOutcome,
-    first_rise: Option<f64>,
+    first_rise: Rise,
     a: &ParameterOutcome,
     second: &CostOutcome,
-    second_rise: Option<f64>,
+    second_rise: Rise,
     b: &ParameterOutcome,
 ) -> String {
-    let said = |rise: Option<f64>| match rise {
+    let said = |rise: Rise| match rise {
         // There is no percentage of 0.
-        Some(rise) if rise.is_infinite() => "from 0".to_owned(),
-        Some(rise) => format!("by {:+.1} %", 100.0 * rise),
-        None => "until the simulation diverges".to_owned(),
+        Rise::By(rise) if rise.is_infinite() => "from 0".to_owned(),
+        Rise::By(rise) => format!("by {:+.1} %", 100.0 * rise),
+        Rise::Diverges => "until the simulation diverges".to_owned(),
+        Rise::Unknown => "by an unknown amount (the simulation of its own fit's values diverges)".to_owned(),
     };
     let mut text = format!(
         "{}: with the other fit's value, all else equal, the {} cost changes {} and the {} cost {}",
@@ -115,12 +127,15 @@ fn reason(
         second.cost,
         said(second_rise)
     );
-    let blind = |rise: Option<f64>| rise.is_some_and(|rise| rise.abs() < UNSEEN);
+    let blind = |rise: Rise| matches!(rise, Rise::By(rise) if rise.abs() < UNSEEN);
     // A cost that hardly changes does not see the parameter; the blame is on the blind one.
     let why = match (blind(first_rise), blind(second_rise)) {
         (true, true) => "neither cost determines it on these logs".to_owned(),
         (true, false) => format!("{} hardly sees it on these logs", first.cost),
         (false, true) => format!("{} hardly sees it on these logs", second.cost),
+        (false, false) if [first_rise, second_rise].contains(&Rise::Unknown) => {
+            "whether both costs see it is not known".to_owned()
+        }
         (false, false) => {
             "both costs see it and want different values: what the model cannot express is weighed differently \
              with and without a time axis"
@@ -202,6 +217,17 @@ mod tests {
         let agreements = compare(&first, &second, costs(0.25), costs(0.0)).unwrap();
         let reason = agreements[1].reason.as_deref().unwrap();
         let wanted = "the matcho cost changes from 0 and the wass cost by +0.0 %; wass hardly sees it";
+        assert!(reason.contains(wanted), "{reason}");
+    }
+
+    #[test]
+    fn own_values_that_diverge_are_not_blamed_on_the_other_fit() {
+        let (first, second) = (outcome("matcho", &[0.5, 0.2], 0.01), outcome("wass", &[0.5, 0.3], 0.01));
+        let agreements =
+            compare(&first, &second, |_| Ok(vec![None, Some(0.25)]), |_| Ok(vec![Some(1.0), None])).unwrap();
+        let reason = agreements[1].reason.as_deref().unwrap();
+        let wanted = "the matcho cost changes by an unknown amount (the simulation of its own fit's values diverges) \
+                      and the wass cost until the simulation diverges; whether both costs see it is not known.";
         assert!(reason.contains(wanted), "{reason}");
     }
 }

@@ -187,6 +187,16 @@ impl HeldOut {
         let logs = format!("{} held-out log{}", self.logs, if self.logs == 1 { "" } else { "s" });
         let verdict = self.verdict();
         // Worst first, in the order of `verdict`.
+        if self.cost.is_none() {
+            return match self.nominal_cost {
+                Some(_) => format!("the simulation of the fit diverges on {logs}; {nominal} (wass)"),
+                None => {
+                    format!(
+                        "the simulation of the fit diverges on {logs}, also that of the robot before the fit"
+                    )
+                }
+            };
+        }
         if verdict == Verdict::WorseThanNominal {
             return format!(
                 "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",
@@ -327,5 +337,12 @@ mod tests {
         );
         let diverged = HeldOut { cost: None, ..example(0.1, 0.2, floor) };
         assert_eq!(diverged.verdict(), Verdict::WorseThanNominal);
+        assert!(
+            diverged.sentence().contains("diverges on 16 held-out logs; the robot before the fit 0.2000"),
+            "{}",
+            diverged.sentence()
+        );
+        let both = HeldOut { nominal_cost: None, ..diverged };
+        assert!(both.sentence().ends_with("also that of the robot before the fit"), "{}", both.sentence());
     }
 }
