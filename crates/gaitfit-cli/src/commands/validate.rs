@@ -40,12 +40,13 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
 
 fn text(results: &ValidateResults) -> String {
     let mut text = format!("{}\n\n", results.headline);
-    let _ = writeln!(text, "{}\n", validation(&results.validation, &results.cost_name));
+    let _ =
+        writeln!(text, "{}\n", validation(&results.validation, &results.cost_name, &results.position_unit));
     let cost = format!("{} cost", results.cost_name);
     // Samples of walks that run freely are not compared one by one; there is no error then.
     let errors = results.rmse_rad.is_some() || results.nominal_rmse_rad.is_some();
     let mut rows = match errors {
-        true => table(&["all logs", &cost, "rmse rad"], &[1, 2]),
+        true => table(&["all logs", &cost, &format!("rmse {}", results.position_unit)], &[1, 2]),
         false => table(&["all logs", &cost], &[1]),
     };
     for (robot, cost, rmse) in [

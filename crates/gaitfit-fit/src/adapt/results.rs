@@ -23,7 +23,7 @@ use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::{Watch, Work};
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{CostOutcome, FitError, RunGeneration};
-use gaitfit_model::Model;
+use gaitfit_model::{JointKind, Model};
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -78,6 +78,9 @@ pub struct AdaptResults {
     pub baselines: Vec<Score>,
     /// Prediction of logs that were not fitted.
     pub validation: Vec<Validation>,
+    /// Unit of the position errors over all joints: `rad`, of robots with slides also m.
+    #[serde(default = "super::score::rad", skip_serializing_if = "super::score::is_rad")]
+    pub position_unit: String,
     /// Walking logs that were not fitted: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
@@ -209,6 +212,7 @@ pub(super) fn results(
         baselines: &baselines,
         held_out: held.as_ref(),
         effort: least_effort(setup.method.model()),
+        position_unit: &setup.method.model().units("rad"),
     };
     let mut doubts = standing::doubts(&first, &evidence);
     let swings = setup.swings.clone().or_else(swings);
@@ -247,6 +251,7 @@ pub(super) fn results(
         baselines,
         fitted,
         validation: first.validation.clone(),
+        position_unit: setup.method.model().units("rad"),
         held_out: held,
         swings,
         causes,
@@ -322,9 +327,11 @@ fn cost_fits(
         // The kept θ is the first cost's, so only its doubts get this one.
         let (values, given) = (fit.values(), setup.config.costs[0].given());
         let robot = Robot { theta: &setup.theta, values: &values };
-        fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {
-            robot.simulate(set.simulator.as_ref(), given)
-        })?));
+        let errors = joint_errors(&setup.fit, |set| robot.simulate(set.simulator.as_ref(), given))?;
+        let model = setup.method.model();
+        fit.doubts.extend(outliers::doubt(&errors, |name| {
+            if model.slides(name) { JointKind::Slide } else { JointKind::Hinge }
+        }));
     }
     Ok((fits, uncorrected))
 }

@@ -53,6 +53,16 @@ pub struct Validation {
     pub fell: bool,
 }
 
+/// The unit of position errors of robots without slides. Results do not write it.
+pub(super) fn rad() -> String {
+    "rad".to_owned()
+}
+
+/// Whether it is that.
+pub(super) fn is_rad(unit: &str) -> bool {
+    unit == "rad"
+}
+
 /// A robot as a simulator is asked for it.
 #[derive(Clone, Copy)]
 pub(super) struct Robot<'a> {

@@ -59,6 +59,8 @@ pub(super) struct Evidence<'a> {
     pub held_out: Option<&'a HeldOut>,
     /// Torque that the weakest joint can give, N·m; absent where nothing limits it.
     pub effort: Option<f64>,
+    /// Unit of the position errors over all joints.
+    pub position_unit: &'a str,
 }
 
 /// Why a fit must not be used without checking, the worst reason first.
@@ -99,10 +101,11 @@ pub fn refusal(doubts: &[Doubt]) -> Option<String> {
 /// else of those that were, or else by the cost.
 fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
     type Measure = fn(&Score) -> Option<f64>;
-    let measures: [(&str, Measure); 3] = [
-        ("position error on logs that were not fitted, rad", |score| score.rmse_validation_rad),
-        ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
-        ("cost on the fitted logs", |score| score.cost),
+    let error = |logs: &str| format!("position error on {logs}, {}", evidence.position_unit);
+    let measures: [(String, Measure); 3] = [
+        (error("logs that were not fitted"), |score| score.rmse_validation_rad),
+        (error("the fitted logs"), |score| score.rmse_fit_rad),
+        ("cost on the fitted logs".to_owned(), |score| score.cost),
     ];
     // The first baseline is the robot before the fit, which needs a simulator.
     let guesses = evidence.baselines.iter().skip(1);
@@ -110,7 +113,7 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
         .filter_map(|guess| {
             let (what, fitted, guessed) = measures
                 .iter()
-                .find_map(|(what, measure)| Some((*what, measure(evidence.fitted)?, measure(guess)?)))?;
+                .find_map(|(what, measure)| Some((what, measure(evidence.fitted)?, measure(guess)?)))?;
             Some((what, fitted, &guess.name, guessed))
         })
         .min_by(|a, b| a.3.total_cmp(&b.3))?;

@@ -59,6 +59,9 @@ pub struct ValidateResults {
     pub nominal_rmse_rad: Option<f64>,
     /// Log by log.
     pub validation: Vec<Validation>,
+    /// Unit of the position errors over all joints: `rad`, of robots with slides also m.
+    #[serde(default = "super::score::rad", skip_serializing_if = "super::score::is_rad")]
+    pub position_unit: String,
     /// Walking logs: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
@@ -182,6 +185,7 @@ pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<Validate
         nominal_rmse_rad,
         checks: validation_checks(&config.check, &validations, cost),
         validation: validations,
+        position_unit: method.model().units("rad"),
         verdict: held_out.as_ref().map(HeldOut::verdict),
         held_out,
         warnings,
@@ -224,8 +228,11 @@ fn better([fitted, nominal]: [Option<f64>; 2]) -> Option<bool> {
 fn numbers(results: &ValidateResults) -> String {
     let shown = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.5}"));
     let (name, fitted, nominal) = match results.cost {
-        None => ("position error, rad,", results.rmse_rad, results.nominal_rmse_rad),
-        cost => (results.cost_name.as_str(), cost, results.nominal_cost),
+        None => {
+            let name = format!("position error, {},", results.position_unit);
+            (name, results.rmse_rad, results.nominal_rmse_rad)
+        }
+        cost => (results.cost_name.clone(), cost, results.nominal_cost),
     };
     format!("{name} {} fitted, {} of the robot before the fit", shown(fitted), shown(nominal))
 }

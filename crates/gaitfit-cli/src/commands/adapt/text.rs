@@ -37,7 +37,11 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     }
     let _ = writeln!(text, "\n{}", predictors(results));
     if !results.validation.is_empty() {
-        let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
+        let _ = writeln!(
+            text,
+            "\n{}",
+            validation(&results.validation, &results.cost_name, &results.position_unit)
+        );
     }
     if let Some(findings) = results.swings.as_ref().filter(|findings| findings.swings.is_some()) {
         let _ = writeln!(text, "\n{}", swings::text(findings, &results.causes, &results.beside_swings));
@@ -47,7 +51,7 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     }
     // The first cost is compared with each further one.
     for other in results.fits.iter().filter(|fit| !fit.comparison.is_empty()) {
-        let _ = writeln!(text, "\n{}", comparison(&results.cost_name, other));
+        let _ = writeln!(text, "\n{}", comparison(&results.cost_name, other, &results.position_unit));
         for reason in other.comparison.iter().filter_map(|one| one.reason.as_deref()) {
             let _ = writeln!(text, "  {reason}");
         }
@@ -168,9 +172,13 @@ fn predictors(results: &AdaptResults) -> Table {
     let errors = scores().any(|score| score.rmse_fit_rad.is_some());
     let validated = scores().any(|score| score.cost_validation.is_some());
     let validated_errors = scores().any(|score| score.rmse_validation_rad.is_some());
-    let more =
-        [(errors, "rmse fit rad"), (validated, "cost validation"), (validated_errors, "rmse validation rad")];
-    columns.extend(more.iter().filter(|(shown, _)| *shown).map(|(_, name)| (*name).to_owned()));
+    let unit = &results.position_unit;
+    let more = [
+        (errors, format!("rmse fit {unit}")),
+        (validated, "cost validation".to_owned()),
+        (validated_errors, format!("rmse validation {unit}")),
+    ];
+    columns.extend(more.into_iter().filter(|(shown, _)| *shown).map(|(_, name)| name));
     let header: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut table = table(&header, &[1, 2, 3, 4]);
     for score in scores() {
@@ -186,8 +194,8 @@ fn predictors(results: &AdaptResults) -> Table {
     table
 }
 
-/// Logs that were not fitted, one a row.
-pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
+/// Logs that were not fitted, one a row. `unit`: that of position errors.
+pub fn validation(validation: &[Validation], cost_name: &str, unit: &str) -> Table {
     let (cost, errors) = (
         validation.iter().any(|log| log.cost.is_some()),
         // Either may be missing alone: one of the two robots may diverge.
@@ -198,7 +206,7 @@ pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
         columns.extend([cost_name.to_owned(), "nominal".to_owned()]);
     }
     if errors {
-        columns.extend(["rmse rad", "nominal rad", "worst joint"].map(str::to_owned));
+        columns.extend([format!("rmse {unit}"), format!("nominal {unit}"), "worst joint".to_owned()]);
     }
     columns.push(String::new());
     let header: Vec<&str> = columns.iter().map(String::as_str).collect();
@@ -220,7 +228,7 @@ pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
     table
 }
 
-fn comparison(first: &str, other: &CostFit) -> Table {
+fn comparison(first: &str, other: &CostFit, unit: &str) -> Table {
     let second = other.cost_name.as_str();
     let mut table = table(&["parameter", first, "±", second, "±", "unit", "agrees"], &[1, 2, 3, 4]);
     for one in &other.comparison {
@@ -246,7 +254,7 @@ fn comparison(first: &str, other: &CostFit) -> Table {
         row[0] = "rmse validation".to_owned();
         // Below the values of the second cost.
         row[3] = format!("{mean:.5}");
-        row[5] = "rad".to_owned();
+        row[5] = unit.to_owned();
         table.add_row(row);
     }
     table

@@ -44,7 +44,7 @@ fn score(name: &str, cost: f64, rmse: Option<f64>) -> Score {
 }
 
 fn kinds(fit: &CostFit, baselines: &[Score], fitted: &Score) -> Vec<(DoubtKind, String)> {
-    let evidence = Evidence { fitted, baselines, held_out: None, effort: Some(23.7) };
+    let evidence = Evidence { fitted, baselines, held_out: None, effort: Some(23.7), position_unit: "rad" };
     doubts(fit, &evidence).into_iter().map(|doubt| (doubt.kind, doubt.text)).collect()
 }
 
