@@ -111,8 +111,8 @@ pub fn prior_key(name: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     match !name.is_empty() && name.chars().all(plain) {
         true => name.to_owned(),
-        // Escapes of TOML's basic strings are those of JSON.
-        false => serde_json::Value::from(name).to_string(),
+        // Escapes of TOML's basic strings are those of JSON, which leaves DEL as it is. TOML does not allow it.
+        false => serde_json::Value::from(name).to_string().replace('\u{7f}', "\\u007f"),
     }
 }
 

@@ -13,6 +13,14 @@ fn report() -> SwingReport {
 }
 
 #[test]
+fn any_name_is_a_key() {
+    for name in ["calf-1_a", "", "a b", "a\"\\'\n\u{7f}\u{1b}\u{9b}é"] {
+        let table: toml::Table = toml::from_str(&format!("{} = 1", prior_key(name))).unwrap();
+        assert!(table.contains_key(name), "{table}");
+    }
+}
+
+#[test]
 fn swings_are_priors_that_settings_read() {
     let tilt = Some([Estimate { value: 0.02, error: 0.0001 }; 2]);
     let findings = SwingFindings { standing: Standing { tilt }, ..SwingFindings::default() };
