@@ -5,6 +5,7 @@ mod checks;
 mod code;
 mod document;
 mod fit;
+mod included;
 mod joint;
 mod mjcf;
 mod networks;
@@ -119,6 +120,9 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     };
     // The step of the fit comes before the file's: the fitted numbers belong to it.
     let step = checks::step(settings.step)?.or(file.physics_step).unwrap_or(model.options.timestep);
+    if let (Some((path, _)), false) = (&fitted, is_urdf) {
+        included::check(&text, path, gains.is_some())?;
+    }
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
     exported.notes.extend(note);
     exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
@@ -163,7 +167,7 @@ fn files_of(
         false => {
             let base = mjcf::says_base(text, model)?;
             // Only the robot's own file is changed; meshes and the like are found beside it.
-            if text.contains("file=\"") {
+            if text.contains("file=\"") || text.contains("file='") {
                 notes.push(
                     "robot.xml names other files as the original does: put it beside the original".to_owned(),
                 );

@@ -76,9 +76,12 @@ def gears(spec, theta):
 def friction(model, theta):
     """Friction of all contacts, and time constant and impedance of the ground's, which no exported robot file says.
 
-    The impedance is set geom by geom. It is the fitted one where the foot has priority, as the Go2's has. Otherwise MuJoCo
-    mixes foot and floor afterwards. Contacts of the robot with itself change too.
+    The impedance is set geom by geom. It is the fitted one where foot or ground has priority, as the Go2's feet have,
+    or where the ground is one geom. Otherwise MuJoCo mixes foot and ground afterwards. Contacts of the robot with itself
+    change too.
     """
+    least = theta.get("ground_impedance", 0.0)
+    before = model.geom_solimp.copy()
     model.geom_friction[:] *= theta["friction_factor"]
     model.pair_friction[:] *= theta["friction_factor"]
     for solref in [*model.geom_solref, *model.pair_solref]:
@@ -86,4 +89,16 @@ def friction(model, theta):
             solref[0] *= 1 + theta["ground_softness"]
     for solimp in [*model.geom_solimp, *model.pair_solimp]:
         if solimp[2] > 0:
-            solimp[0] = max(solimp[0], min(theta.get("ground_impedance", 0.0), solimp[1]))
+            solimp[0] = max(solimp[0], min(least, solimp[1]))
+    fixed = model.body_weldid[model.geom_bodyid] == 0
+    if least > 0 and fixed.sum() == 1:
+        ground = int(fixed.argmax())
+        for geom in range(model.ngeom):
+            share = model.geom_solmix[geom] / (model.geom_solmix[geom] + model.geom_solmix[ground] + 1e-300)
+            if geom == ground or model.geom_priority[geom] != model.geom_priority[ground] or share < 1e-9:
+                continue
+            # MuJoCo mixes these two: the geom's number becomes the one with which the mixture is the fitted impedance.
+            mixed = share * before[geom] + (1 - share) * before[ground]
+            if mixed[2] > 0:
+                wanted = max(mixed[0], min(least, mixed[1]))
+                model.geom_solimp[geom, 0] = (wanted - (1 - share) * model.geom_solimp[ground, 0]) / share

@@ -8,6 +8,10 @@ use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
 use roxmltree::{Document, Node};
 
+/// How a robot of several files becomes one file.
+pub(super) const ONE_FILE: &str = "Save the robot as one file: python -c \"import mujoco; s = \
+    mujoco.MjSpec.from_file('in.xml'); s.compile(); open('out.xml', 'w').write(s.to_xml())\"";
+
 /// Kinds of parameters that the file says; a spring's torque only of joints with a stiffness
 /// ([`JointNumbers::has_constant_torque`]).
 pub(super) fn said(gains: bool, base: bool, links: bool) -> Vec<&'static str> {
@@ -114,8 +118,7 @@ pub(super) fn patched(
         let Some(node) = node else {
             return Err(Error::failed(format!(
                 "the robot's file has no element of its own for joint `{}`: it is in an included file, or has no name there. \
-                 Save the robot as one file: python -c \"import mujoco; s = mujoco.MjSpec.from_file('in.xml'); s.compile(); \
-                 open('out.xml', 'w').write(s.to_xml())\"",
+                 {ONE_FILE}",
                 joint.name
             )));
         };

@@ -397,3 +397,39 @@ fn gains_are_those_of_the_fit_beside_the_parameters_unless_others_are_named() {
     (settings.kp, settings.kd) = (Some(PerJoint::All(1.0)), Some(PerJoint::All(0.1)));
     assert!(!noted(&settings, "those of"));
 }
+
+#[test]
+fn robots_whose_included_files_decide_their_numbers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    write("theta.toml", "format = 2\n");
+    write(
+        "robot.xml",
+        "<mujoco><include file=\"a.xml\"/><worldbody><body><freejoint/><geom size=\".1\"/><body><joint name=\"j\"/>\
+         <geom size=\".1\"/></body></body></worldbody></mujoco>",
+    );
+    write("a.xml", "<mujocoinclude><include file=\"b.xml\"/></mujocoinclude>");
+    let settings = |gain: Option<f64>| ExportSettings {
+        theta: folder.path().join("theta.toml"),
+        robot: Some(folder.path().join("robot.xml")),
+        lenient: true,
+        kp: gain.map(PerJoint::All),
+        kd: gain.map(PerJoint::All),
+        policy: None,
+        step: None,
+    };
+    let exported = |text: &str, gain: Option<f64>| {
+        write("b.xml", &format!("<mujocoinclude>{text}</mujocoinclude>"));
+        export_theta(&settings(gain)).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let refused = |text: &str, gain: Option<f64>| {
+        let error = exported(text, gain).unwrap_err();
+        assert!(error.contains("b.xml: it has <") && error.contains("to_xml()"), "{error}");
+    };
+    let motor = "<actuator><motor name=\"m\" joint=\"j\"/></actuator>";
+    exported("<compiler autolimits=\"true\" meshdir=\"meshes\"/>", Some(1.0)).unwrap();
+    exported(motor, None).unwrap();
+    refused(motor, Some(1.0));
+    refused("<compiler angle=\"radian\"/>", None);
+    refused("<option><flag damper=\"disable\"/></option>", None);
+}
