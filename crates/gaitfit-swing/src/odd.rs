@@ -13,7 +13,7 @@ pub struct Measured<'a> {
     pub group: &'a str,
     /// The size.
     pub value: f64,
-    /// Standard deviation of the estimate.
+    /// Standard deviation of the estimate. If it is NaN the joint is not odd.
     pub deviation: f64,
     /// Difference from its siblings up to which the joint does not count as odd.
     pub min: f64,
@@ -36,7 +36,11 @@ impl Judged {
     pub fn new(joints: &[Measured<'_>]) -> Self {
         let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
         let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect()).unwrap_or(0.0);
-        let limit = joints.iter().map(|joint| joint.min.max(Self::LIMIT * joint.deviation.hypot(scatter)));
+        let limit = joints.iter().map(|joint| {
+            let limit = Self::LIMIT * joint.deviation.hypot(scatter);
+            // `f64::max` would take the smallest limit instead of NaN.
+            if limit.is_nan() { f64::INFINITY } else { joint.min.max(limit) }
+        });
         Self { limit: limit.collect(), off }
     }
 
@@ -99,6 +103,9 @@ mod tests {
             .map(|joint| Measured { deviation: 20.0, ..joint })
             .collect();
         assert!(Judged::new(&vague).odd().is_empty(), "the logs do not show it");
+        let unknown: Vec<_> =
+            vague.into_iter().map(|joint| Measured { deviation: f64::NAN, ..joint }).collect();
+        assert!(Judged::new(&unknown).odd().is_empty());
     }
 
     #[test]

@@ -45,12 +45,19 @@ pub struct JointSpring {
     pub joint: String,
     /// N·m/rad.
     pub stiffness: f64,
-    /// Standard deviation of the estimate, N·m/rad.
+    /// Standard deviation of the estimate, N·m/rad; infinite, in JSON null, if it is not known.
+    #[serde(deserialize_with = "or_infinite")]
     pub deviation: f64,
     /// Difference from the median of its siblings, N·m/rad.
     pub off: f64,
-    /// Difference from which on the joint is odd, N·m/rad.
+    /// Difference from which on the joint is odd, N·m/rad; as `deviation` if that is not known.
+    #[serde(deserialize_with = "or_infinite")]
     pub limit: f64,
+}
+
+/// Reads a number that JSON has as null because it is infinite.
+fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 #[derive(Serialize, Deserialize)]
@@ -185,9 +192,13 @@ impl OddJoints {
         if self.odd.is_empty() {
             let max = self.springs.iter().map(|one| one.off.abs()).fold(0.0, f64::max);
             let limit = self.springs.iter().map(|one| one.limit).fold(0.0, f64::max);
+            let counts = match limit.is_finite() {
+                true => format!("{limit:.2} would count"),
+                false => "their errors are not known, so none counts".to_owned(),
+            };
             return vec![format!(
                 "no joint differs from its siblings: springs fitted on every joint differ by at most {max:.2} N·m/rad from \
-                 those of the same joint of other legs, and {limit:.2} would count"
+                 those of the same joint of other legs, and {counts}"
             )];
         }
         let alone = if self.odd.len() == 1 { "no other joint has" } else { "its siblings do not have" };
@@ -215,5 +226,26 @@ impl Setup {
             self.theta = self.with_springs(&odd.odd)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn springs_without_known_errors_are_read_back() {
+        let spring = JointSpring {
+            joint: "hip".to_owned(),
+            stiffness: 1.0,
+            deviation: f64::INFINITY,
+            off: 0.5,
+            limit: f64::INFINITY,
+        };
+        let odd = OddJoints { springs: vec![spring], odd: Vec::new(), wall_seconds: 0.0 };
+        let text = serde_json::to_string(&odd).unwrap();
+        assert_eq!(serde_json::from_str::<OddJoints>(&text).unwrap(), odd, "{text}");
+        assert!(odd.sentences(&[])[0].ends_with("their errors are not known, so none counts"));
     }
 }

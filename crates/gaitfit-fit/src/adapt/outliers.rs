@@ -11,8 +11,8 @@ const MIN_RAD: f64 = 0.02;
 /// The sentence of the doubt about each such joint.
 const PREDICTED: &str = "is predicted far worse than the other joints";
 
-/// The joints that stand out among `errors`, position errors (rad RMS, of slides m) by name; `None` if none does. `kind`:
-/// whether a joint turns or slides.
+/// The joints that stand out among `errors`, position errors (rad RMS, of slides m) by name; `None` if none does.
+/// `kind`: whether a joint turns or slides.
 pub(super) fn doubt(errors: &[(String, f64)], kind: impl Fn(&str) -> JointKind) -> Option<Doubt> {
     // A hinge has 1 here.
     let scale = |name: &str| kind(name).like("rad", 1.0);

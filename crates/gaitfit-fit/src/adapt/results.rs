@@ -280,10 +280,11 @@ fn causes(setup: &Setup, swings: Option<&SwingFindings>) -> Vec<Cause> {
     causes
 }
 
-/// The effort of the weakest joint, N·m; `None` if none has a limit.
+/// The effort of the weakest joint that has some, N·m; `None` if none has a limit.
 fn least_effort(model: &Model) -> Option<f64> {
     let efforts = (0..model.joints.len()).filter_map(|joint| model.effort(joint));
-    efforts.filter(|effort| effort.is_finite()).reduce(f64::min)
+    // A joint whose limit is 0 is switched off. Beside it any noise would be loud.
+    efforts.filter(|effort| effort.is_finite() && *effort > 0.0).reduce(f64::min)
 }
 
 /// The fits of all costs, and the reasons why estimates of some were not corrected.

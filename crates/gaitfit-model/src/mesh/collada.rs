@@ -155,7 +155,7 @@ impl<'a, 'input> Reader<'a, 'input> {
                 };
                 match &sizes {
                     Some(sizes) => sizes.iter().try_for_each(|&size| take(size))?,
-                    // Each <p> of <polygons> and <trifans> is one face or fan; those of <triangles> hold many triangles.
+                    // Each <p> of <polygons> and <trifans> is one face or fan; those of <triangles> hold many.
                     None if named(&group, "polygons") || named(&group, "trifans") => take(corners.len())?,
                     None => (0..corners.len() / 3).try_for_each(|_| take(3))?,
                 }
