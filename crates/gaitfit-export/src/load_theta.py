@@ -77,8 +77,8 @@ def friction(model, theta):
     """Friction of all contacts, and time constant and impedance of the ground's, which no exported robot file says.
 
     The impedance is set geom by geom. It is the fitted one where foot or ground has priority, as the Go2's feet have,
-    or where the ground is one geom. Otherwise MuJoCo mixes foot and ground afterwards. Contacts of the robot with itself
-    change too.
+    or where the ground is one geom. Otherwise MuJoCo mixes foot and ground afterwards. Contacts of the robot with
+    itself change too.
     """
     least = theta.get("ground_impedance", 0.0)
     before = model.geom_solimp.copy()

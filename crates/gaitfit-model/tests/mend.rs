@@ -302,8 +302,8 @@ fn strips_and_fans_of_collada_are_read_and_holes_are_refused() {
     let mesh = |group: &str, faces: &str, turn: &str| {
         let text = format!(
             "<COLLADA><geometry id=\"g\"><mesh><source id=\"p\"><float_array>0 0 0 1 0 0 1 1 0 0 1 0</float_array>\
-             </source><{group}><input semantic=\"VERTEX\" source=\"#p\"/>{faces}</{group}></mesh></geometry><visual_scene>\
-             <node><rotate>{turn}</rotate><instance_geometry url=\"#g\"/></node></visual_scene></COLLADA>"
+             </source><{group}><input semantic=\"VERTEX\" source=\"#p\"/>{faces}</{group}></mesh></geometry>\
+             <visual_scene><node><rotate>{turn}</rotate><instance_geometry url=\"#g\"/></node></visual_scene></COLLADA>"
         );
         mesh::parse("dae", text.as_bytes())
     };
