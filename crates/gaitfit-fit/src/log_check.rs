@@ -17,8 +17,8 @@ pub(crate) const PARTS: [FindingKind; 7] = [
     FindingKind::TooShort,
 ];
 
-/// Reads a log and refuses what its checks forbid; parts in which the robot falls, hangs or is stuck are the caller's to cut.
-/// `allowed`: names of findings that do not forbid.
+/// Reads a log and refuses what its checks forbid; parts in which the robot falls, hangs or is stuck are the caller's
+/// to cut. `allowed`: names of findings that do not forbid.
 ///
 /// # Errors
 /// A log that cannot be read or must not be used; a name that no finding has.
@@ -30,7 +30,7 @@ pub fn read(path: &Path, allowed: &[String]) -> Result<Trajectory, Error> {
             ))
         })
     };
-    // Names are checked first, so that a slip of the pen is told before the log is read.
+    // Names are checked first, so that a misspelt name is reported before the log is read.
     let config: Vec<FindingKind> = allowed.iter().map(kind).collect::<Result<_, _>>()?;
     let (log, report) = read_csv_report(path, &ReadOptions::default()).map_err(Error::failed)?;
     let mut findings = report.findings();

@@ -1,9 +1,11 @@
-//! The robot's own weight as a check of joints: torques that hold a leg up say which joint it is and which way it turns.
+//! The robot's own weight as a check of joints: torques that hold a leg up say which joint it is and which way it
+//! turns.
 //!
-//! A controller's torque over a log is kp (q_des − q) − kd q̇. Of a clamped robot it holds the weight of what hangs on the
-//! joint, drives friction and accelerates: x = q_des − q is fitted by w / kp + b q̇ + c sign(q̇), w the torque of the weight at
-//! the logged angles (virtual work: the axis times the moment about it of every mass that the joint carries). A wrong joint
-//! or a wrong sign has a weight that does not fit.
+//! A controller's torque at each sample of a log is kp (q_des − q) − kd q̇. If the robot is clamped, this torque
+//! carries the weight of the links below the joint, overcomes friction, and accelerates the links. So w / kp + b q̇ + c
+//! sign(q̇) is fitted to x = q_des − q, where w is the torque of the weight at the logged angles (by virtual work: the
+//! moment of every mass that the joint carries, about the joint's axis). With a wrong joint or a wrong sign, w does not
+//! fit.
 
 use gaitfit_log::{BLOCK_S, Finding, FindingKind, Severity, Signal, Trajectory};
 use gaitfit_model::Model;
@@ -14,9 +16,10 @@ use std::collections::BTreeMap;
 
 /// Most samples that are looked at.
 const MAX_SAMPLES: usize = 600;
-/// Torque of the weight, N·m RMS, that can be told from friction, and by which two readings must differ.
+/// Smallest torque of the weight, N·m RMS, that can be distinguished from friction. The weights of two hypotheses must
+/// differ by as much.
 const HEAVY: f64 = 0.25;
-/// A reading must leave less than this part of what another leaves.
+/// One hypothesis beats another if its residual is below this share of the other's.
 const CLEARLY: f64 = 0.6;
 /// Speed, rad/s, at which dry friction has its sign.
 const SLIDES: f64 = 0.05;
@@ -24,7 +27,8 @@ const SLIDES: f64 = 0.05;
 const BEYOND: f64 = 0.2;
 const OFTEN: f64 = 0.02;
 
-/// Torques, N·m, of slides forces, N, that hold every joint's load up at the angles `q`, in the model's joint order; base level.
+/// Torques, N·m, of slides forces, N, that hold every joint's load up at the angles `q`, in the model's joint order;
+/// base level.
 fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion: IDENTITY }, q);
     let gravity = model.options.gravity;
@@ -80,8 +84,8 @@ impl Samples {
 /// One joint over a block of samples: means of the weight's torque, of the speed, of its sign, and of x = q_des − q.
 type Block = [f64; 4];
 
-/// Means over blocks of half a second of a joint's weight, speed and x at each of `rows`: what accelerates it goes to and fro
-/// within.
+/// Means over blocks of half a second of a joint's weight, speed and x at each of `rows`: what accelerates it goes to
+/// and fro within.
 fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) -> Vec<Block> {
     let length = (rows.len() as f64 * BLOCK_S / seconds).ceil().max(1.0) as usize;
     // A smooth sign: below `SLIDES` the sign of a measured speed is mostly noise.
@@ -132,8 +136,8 @@ fn kind(name: &str) -> String {
     name.split('_').filter(|part| !legs.contains(part)).collect::<Vec<_>>().join("_")
 }
 
-/// Names joints whose torques fit the robot's weight only if their sign is turned, of a clamped robot's log with all joints,
-/// targets and gains; of others nothing.
+/// Names joints whose torques fit the robot's weight only if their sign is turned, of a clamped robot's log with all
+/// joints, targets and gains; of others nothing.
 pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     let (Some(samples), Some(gains)) = (Samples::new(log), &log.gains) else { return Vec::new() };
     let width = model.joints.len();
@@ -143,7 +147,7 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
     if log.joints.len() != width || order.len() != width {
         return Vec::new();
     }
-    // What holds the load of `column`'s joint, with that column mirrored or as it is.
+    // The torque that holds the load of `column`'s joint. `sign` −1 mirrors the joint's angle first.
     let hold = |q: &[f64], column: usize, sign: f64| {
         let mut angles = vec![0.0; width];
         order.iter().enumerate().for_each(|(at, &joint)| angles[joint] = q[at]);
@@ -200,9 +204,9 @@ pub enum Order {
     Other(Vec<String>),
 }
 
-/// Judges the order in which a log's joints were named after the robot's, beside the other usual orders of robots with legs:
-/// those of Unitree's motors (FR, FL, RR, RL), of the robot's file, and each by joint type. Limits decide, and for a clamped
-/// robot its weight.
+/// Judges the order in which a log's joints were named after the robot's, beside the other usual orders of robots with
+/// legs: those of Unitree's motors (FR, FL, RR, RL), of the robot's file, and each by joint type. Limits decide, and
+/// for a clamped robot its weight.
 pub fn order(log: &Trajectory, model: &Model) -> Order {
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     if log.joints.len() != names.len() || log.validate().is_err() || log.is_empty() {

@@ -20,8 +20,8 @@ pub struct CollectOptions {
     pub seconds: f64,
     /// The log begins this long after the robot, drawn uniformly for each trajectory, s.
     pub shift: [f64; 2],
-    /// Whether the base's position and velocity are recorded too, which a robot does not measure. Orientation and body rates
-    /// always are: an inertial unit measures them.
+    /// Whether the base's position and velocity are recorded too, which a robot does not measure. Orientation and body
+    /// rates always are: an inertial unit measures them.
     pub privileged: bool,
 }
 
@@ -46,8 +46,8 @@ pub struct Collected {
 const TILE: usize = 64;
 
 /// Runs the subject's policy and records every robot's joint signals and inertial unit at the control rate: a row holds
-/// position and velocity as the policy saw them, and the action and target that followed. Commands are drawn as the task
-/// says. Results do not depend on the number of threads.
+/// position and velocity as the policy saw them, and the action and target that followed. Commands are drawn as the
+/// task says. Results do not depend on the number of threads.
 ///
 /// # Errors
 /// A robot that cannot be, or the subject's `cancel`.
@@ -224,9 +224,9 @@ impl Recorder {
     }
 
     /// Adds what was there before a step's action, of a robot whose step is [recorded](Self::records). `row`, of
-    /// [`sensed_width`] numbers: joint positions and velocities in the policy's order (rad, rad/s) as the policy sees them;
-    /// the command, forward and left (m/s) and yaw rate (rad/s); the base's position (m), orientation as the inertial
-    /// unit reads it (wxyz), velocity in the world (m/s) and rates as the gyro reads them (rad/s).
+    /// [`sensed_width`] numbers: joint positions and velocities in the policy's order (rad, rad/s) as the policy sees
+    /// them; the command, forward and left (m/s) and yaw rate (rad/s); the base's position (m), orientation as the
+    /// inertial unit reads it (wxyz), velocity in the world (m/s) and rates as the gyro reads them (rad/s).
     pub fn sense(&mut self, index: usize, row: &[f32]) {
         let Some(log) = self.logs.get_mut(index).map(|log| &mut log.trajectory) else { return };
         log.time.push(log.time.len() as f64 * self.dt);
@@ -258,15 +258,16 @@ impl Recorder {
         }
     }
 
-    /// Adds where a robot is in the motion that its policy follows, after [`Recorder::sense`]; nothing for other policies.
+    /// Adds where a robot is in the motion that its policy follows, after [`Recorder::sense`]; nothing for other
+    /// policies.
     pub fn follow(&mut self, index: usize, place: MotionPlace) {
         if let Some(motion) = self.logs.get_mut(index).and_then(|log| log.trajectory.motion.as_mut()) {
             motion.extend([place.time, place.heading]);
         }
     }
 
-    /// Adds what followed in step number `step` of robot `index`: its action, the targets of all the model's joints (rad),
-    /// and whether it fell. To be told of every step, for a log ends at the first fall.
+    /// Adds what followed in step number `step` of robot `index`: its action, the targets of all the model's joints
+    /// (rad), and whether it fell. Call it for every step, because a log ends at the first fall.
     pub fn act(&mut self, index: usize, step: u32, action: &[f32], targets: &[f32], fell: bool) {
         // Asked before the fall is noted: the step of the fall is the log's last row.
         let recorded = self.records(index, step);

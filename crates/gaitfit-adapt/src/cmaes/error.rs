@@ -52,15 +52,15 @@ pub enum CmaError {
         /// Upper bound.
         upper: f64,
     },
-    /// The number of costs told is not the number of candidates.
+    /// The caller reported another number of costs than there are candidates.
     #[error("{got} costs were told for {expected} candidates")]
     CostCount {
-        /// Costs told.
+        /// Number of reported costs.
         got: usize,
         /// Population size.
         expected: usize,
     },
-    /// A population of another generation was told.
+    /// The caller reported the costs of another generation.
     #[error("the population told belongs to generation {got}, but generation {expected} is due; ask again")]
     Generation {
         /// The population's generation.
@@ -68,7 +68,7 @@ pub enum CmaError {
         /// The optimiser's generation.
         expected: u32,
     },
-    /// Costs were told after the last run had ended.
+    /// The caller reported costs after the last run had ended.
     #[error("all runs of the search have ended; nothing more can be told")]
     Finished,
     /// A saved state does not belong to the settings or is damaged.

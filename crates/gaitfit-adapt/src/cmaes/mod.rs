@@ -5,9 +5,9 @@
 //! linear time and space complexity" (PPSN 2008). Where the texts leave a choice, the Python package `cmaes` 0.13
 //! decides; given the same normal draws the distributions agree generation by generation.
 //!
-//! A generation is asked for whole and told whole. Draws are addressed, not streamed (`gaitfit-random`), so [`Cma`]
-//! has no generator state: [`Cma::state`] with the settings resumes to the same bits, and asking twice gives the
-//! same population.
+//! A caller asks for a whole generation of candidates, and reports (tells) the costs of all of them. Draws are
+//! addressed, not streamed (`gaitfit-random`), so [`Cma`] has no generator state: [`Cma::state`] with the settings
+//! resumes to the same bits, and asking twice gives the same population.
 //!
 //! ```
 //! use gaitfit_adapt::cmaes::{Cma, Settings};

@@ -73,7 +73,8 @@ pub struct SearchState {
 /// Largest population that doubling may reach.
 const POPULATION_MAX: usize = 1 << 20;
 
-/// Runs of [`Cma`] by a [`RestartPlan`], asked and told as one.
+/// Runs of [`Cma`] one after the other, as a [`RestartPlan`] has them. Callers ask for candidates and report costs
+/// (tell) as for a single run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Search {
     settings: Settings,
@@ -94,7 +95,7 @@ impl Search {
     }
 
     /// Continues from a saved `state` of a search with the same `settings` and `plan`, to the same bits. The limit of
-    /// generations may have changed: a last run that ended at it resumes where it is higher now.
+    /// generations may have changed: if it is higher now, a last run that ended at the old limit goes on.
     ///
     /// # Errors
     /// [`CmaError::State`] if the state does not fit, and as [`Self::new`].
@@ -247,14 +248,14 @@ impl Search {
         self.finished.iter().take(before).find(|run| run.best.as_ref() == Some(best))
     }
 
-    /// Generations told in all runs.
+    /// Number of generations in all runs whose costs were reported.
     pub fn generation(&self) -> u32 {
         let ended: u32 = self.finished.iter().map(|run| run.generations).sum();
         // After the last run `current` is still that run, which is already among the finished ones.
         if self.is_finished() { ended } else { ended + self.current.generation() }
     }
 
-    /// Candidates told in all runs.
+    /// Number of candidates in all runs whose costs were reported.
     pub fn evaluations(&self) -> u64 {
         let ended: u64 = self.finished.iter().map(|run| run.evaluations).sum();
         if self.is_finished() { ended } else { ended + self.current.evaluations() }

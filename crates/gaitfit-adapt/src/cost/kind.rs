@@ -9,7 +9,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 /// A cost by its name in configurations and results: `wass`, `matcho`, `matchs` (never reset), `matchs1`,
-/// `matchs20` (reset every so many samples), `matchr1` (given the sensors' readings every so many samples).
+/// `matchs20` (reset every 20 samples), `matchr1` (restarted from the sensors' readings every sample).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum CostKind {
@@ -23,7 +23,7 @@ pub enum CostKind {
     MatchR(NonZeroUsize),
 }
 
-/// A name that is no cost's.
+/// A name that no cost has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "there is no cost `{0}`; take wass, matcho, matchs (never reset), or matchr or matchs with the samples between \
@@ -56,8 +56,8 @@ impl CostKind {
         matches!(self, Self::MatchO | Self::MatchS(_))
     }
 
-    /// The parts of logs that a simulation gets to be compared with them. For costs that reset the whole state there are none,
-    /// because a robot's logs do not contain it.
+    /// The parts of logs that a simulation gets to be compared with them. For costs that reset the whole state there
+    /// are none, because a robot's logs do not contain it.
     pub fn given(self) -> Resets {
         match self {
             Self::MatchR(horizon) => Resets::Sensors(horizon.get()),

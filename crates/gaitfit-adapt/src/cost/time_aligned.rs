@@ -8,10 +8,10 @@ use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-/// Time-aligned L2 between simulated and recorded signals, in the reference's fixed scaling. With e the scaled difference of
-/// one joint at one sample, T all samples of all recordings and J the joints, a group costs √(1/(T·J) Σ_t Σ_j e²); the groups
-/// are summed, each with its weight. The two sides need the same clock and the same sample counts. A sample lost to a fall
-/// counts as e = 2, the robot's whole range.
+/// Time-aligned L2 between simulated and recorded signals, in the reference's fixed scaling. With e the scaled
+/// difference of one joint at one sample, T all samples of all recordings and J the joints, a group costs √(1/(T·J) Σ_t
+/// Σ_j e²); the groups are summed, each with its weight. The two sides need the same clock and the same sample counts.
+/// A sample lost to a fall counts as e = 2, the robot's whole range.
 ///
 /// Per joint the breakdown gives √(1/T Σ_t e²), so the group is the root mean square of its joints.
 #[derive(Clone, Debug)]
@@ -33,8 +33,8 @@ impl TimeAligned {
     }
 
     /// MatchS(H): joint position, joint velocity, base position and base velocity, the simulated robot reset to the
-    /// recording's state every `horizon` samples (H infinite: never). Privileged: it needs the base's state, which robots do
-    /// not log by themselves; a baseline.
+    /// recording's state every `horizon` samples (H infinite: never). Privileged: it needs the base's state, which
+    /// robots do not log by themselves; a baseline.
     ///
     /// With H = 1 each sample is predicted from the one before. Errors are then as small as one control period makes
     /// them, and with noise-free data the cost rises linearly from 0 at the truth (its square: as the square of the
@@ -67,7 +67,8 @@ impl TimeAligned {
         }
         // Only now: a base that is constant has just lost its weights.
         weights.check(&reference)?;
-        // Never is no reset after the first: the simulated robot starts in the recording's state.
+        // Even a simulation that is never reset has one reset at its start: the simulated robot starts in the
+        // recording's state.
         let resets = Resets::State(horizon.map_or(usize::MAX, NonZeroUsize::get));
         Ok(Self { reference, weights, resets, name })
     }

@@ -64,7 +64,7 @@ impl Identification {
         self.identified = narrow(entry, self.lower, self.upper);
     }
 
-    /// Of an entry with the 95 % interval `interval`, which `noise` gave.
+    /// How well the logs identify an entry whose 95 % interval is `interval`. `noise`: the source of the interval.
     pub(super) fn of_interval(entry: &Entry, interval: [f64; 2], noise: NoiseSource) -> Self {
         let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
         let identified = narrow(entry, lower, upper);

@@ -33,9 +33,9 @@ pub struct CostOutcome {
     /// Simulations of the chosen values in the final comparison; `None` if there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub redrawn: Option<Redrawn>,
-    /// The cost of the values that simulated robots give ([`super::regress`]), if it is clearly larger than that of the search,
-    /// whose values are then kept, and if robots with those values are no nearer to the logs: no simulated robot is like the
-    /// real one.
+    /// The cost of the values that simulated robots give ([`super::regress`]), if it is clearly larger than that of the
+    /// search, whose values are then kept, and if robots with those values are no nearer to the logs: no simulated
+    /// robot is like the real one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unlike: Option<f64>,
 }
@@ -159,8 +159,9 @@ impl CostOutcome {
         })
     }
 
-    /// Measures how well the data identify each parameter around the best run's values and notes it with them.
-    /// `cost` is the outcome's; `alternatives` could stand in for the simulator. False, and nothing noted, if θ has more than [`MAX_SCANNED`] entries.
+    /// Measures how well the data identify each parameter around the best run's values and notes it with them. `cost`
+    /// is the outcome's; `alternatives` could stand in for the simulator. False, and nothing noted, if θ has more than
+    /// [`MAX_SCANNED`] entries.
     ///
     /// # Errors
     /// As [`identify`].
@@ -183,10 +184,10 @@ impl CostOutcome {
         Ok(true)
     }
 
-    /// Widens the intervals to all of `others` that fit as well: whose costs are at most `error` above the smallest. Where
-    /// a cost has many minima, the ground around one of them says too little of what the logs leave open. A search that was
-    /// left before its end reaches two of its deviations to both sides too. `others`: costs
-    /// and values that the search came by.
+    /// Widens the intervals to all of `others` that fit as well: whose costs are at most `error` above the smallest. If
+    /// a cost has many minima, the curvature at one of them shows too little of what the logs leave open. If a search
+    /// was stopped before its end, the intervals also reach two of its deviations to both sides. `others`: costs and
+    /// values that the search tried.
     pub fn widen<'a>(&mut self, theta: &Theta, others: impl Iterator<Item = (f64, &'a [f64])>, error: f64) {
         // The smallest cost of the search itself: `best_cost` may be that of corrected values.
         let best = self.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
@@ -196,7 +197,7 @@ impl CostOutcome {
         let run = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
         // Empty for a search that came to its end: then no interval changes below.
         let left = run.map(|run| run.deviations.clone()).unwrap_or_default();
-        // About 95 % of what the search would still draw lies within two deviations.
+        // About 95 % of the candidates that the search would still draw lie within two deviations.
         for side in [-2.0, 2.0] {
             let moved =
                 self.values().iter().zip(&left).map(|(value, left)| value + side * left).collect::<Vec<_>>();
@@ -204,8 +205,8 @@ impl CostOutcome {
         }
     }
 
-    /// Widens the intervals to those of `regression`, and to two of its standard deviations on both sides of the values. The
-    /// regression fits all parameters together. A scan of one parameter at a time gives narrower intervals.
+    /// Widens the intervals to those of `regression`, and to two of its standard deviations on both sides of the
+    /// values. The regression fits all parameters together. A scan of one parameter at a time gives narrower intervals.
     pub fn widen_by(&mut self, theta: &Theta, regression: &Regression) {
         let shown = regression.deviation.iter().zip(&regression.interval);
         for ((parameter, entry), (deviation, interval)) in
@@ -239,7 +240,8 @@ impl CostOutcome {
         RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0)
     }
 
-    /// Corrects values that least squares of `problem` found by logs of `world`, see [`correct`]. Returns why it does not, if it does not.
+    /// Corrects values that least squares of `problem` found by logs of `world`, see [`correct`]. Returns why it does
+    /// not, if it does not.
     ///
     /// # Errors
     /// As [`correct`].
@@ -265,11 +267,11 @@ impl CostOutcome {
         Ok(None)
     }
 
-    /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their values
-    /// too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if their
-    /// simulation diverges. It does the same if θ has more entries, the values cost more than `AS_WELL` and `AS_WELL_BY` allow,
-    /// and the logs are no nearer to robots with these values ([`Regression::is_nearer`]). A cost alone does not decide: a fall
-    /// in one walk of a biped makes true values costly.
+    /// Takes the intervals that simulated robots give ([`super::regress`]) for the search of `problem`. Takes their
+    /// values too if they cost less or if θ has at most [`MAX_TAKEN`] entries. Takes nothing and returns the reason if
+    /// their simulation diverges. It does the same if θ has more entries, the values cost more than `AS_WELL` and
+    /// `AS_WELL_BY` allow, and the logs are no nearer to robots with these values ([`Regression::is_nearer`]). A cost
+    /// alone does not decide: a fall in one walk of a biped makes true values costly.
     ///
     /// # Errors
     /// As [`Simulator::views`].

@@ -20,8 +20,9 @@ pub struct Views<'a> {
 }
 
 impl<'a> Views<'a> {
-    /// All `recordings` of so many `logs` ([`Simulator::logs`]), and all but a group of logs, if there are at least two and
-    /// the cost can be had of fewer. Recordings of one log are in one group: they do not differ by chance alone.
+    /// One view of all `recordings` of this number of `logs` ([`Simulator::logs`]), and views that each leave out a
+    /// group of logs, if there are at least two logs and the cost can be computed for fewer. Recordings of one log are
+    /// in one group: they do not differ by chance alone.
     pub fn new(cost: &'a dyn Cost, recordings: usize, logs: usize) -> Self {
         let logs = logs.clamp(1, recordings.max(1));
         // A further group costs one more evaluation of the cost, and no simulation.

@@ -1,7 +1,7 @@
 //! The checksum of a `theta.toml`, and where its text is wrong.
 //!
-//! The sum is of the file's lines but its own, without comments of whole lines, empty lines and spaces at the ends. So a
-//! note written into the file, or another way to end lines, changes nothing. Whoever edits a value deletes the sum.
+//! The sum is of the file's lines but its own, without comments of whole lines, empty lines and spaces at the ends. So
+//! a note written into the file, or another way to end lines, changes nothing. Whoever edits a value deletes the sum.
 
 use crate::checksum::Sum;
 use gaitfit_model::escaped;
@@ -34,7 +34,7 @@ pub(super) fn sealed(text: &str) -> String {
     )
 }
 
-/// Where and why a text is no such file.
+/// A message that states where and why a text is not a file of parameters.
 pub(super) fn at(text: &str, error: &toml::de::Error) -> String {
     let message = escaped(error.message().trim_end(), MAX_MESSAGE);
     let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };

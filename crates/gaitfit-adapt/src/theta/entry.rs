@@ -43,8 +43,8 @@ impl Entry {
         Ok(())
     }
 
-    /// Whether the value means something else at another physics step: weights of networks that act at every step and see
-    /// the steps before. Of those with fixed features the inertia alone does.
+    /// Whether the value means something else at another physics step: weights of networks that act at every step and
+    /// see the steps before. Of networks with fixed features only the weight for inertia does.
     pub fn depends_on_step(&self) -> bool {
         let steady = ["friction", "damping", "stiffness", "offset"];
         self.kind == NetworkName::ResidAct.name()

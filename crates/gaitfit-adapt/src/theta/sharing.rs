@@ -37,7 +37,7 @@ impl Sharing {
     /// order of their first joint.
     ///
     /// # Errors
-    /// [`ThetaError`] if a pattern is none or covers no joint, or a joint is not in just one group.
+    /// [`ThetaError`] if a pattern is invalid or covers no joint, or a joint is not in exactly one group.
     pub(super) fn shares<'a>(
         self,
         kind: &'static str,

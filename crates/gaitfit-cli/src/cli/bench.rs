@@ -7,16 +7,16 @@ use std::path::PathBuf;
 /// What to measure.
 #[derive(Debug, Subcommand)]
 pub enum Bench {
-    /// Physics substeps a second of a trotting Go2
+    /// Physics steps per second of a trotting Go2
     Physics(BenchPhysics),
-    /// Iterations of PPO, of the default training or of one of yours
+    /// PPO iterations per second, of the default training or of your own
     Train(BenchTrain),
 }
 
 /// Arguments of `bench physics`.
 #[derive(Debug, Args)]
 pub struct BenchPhysics {
-    /// Solver effort
+    /// Accuracy of the contact solver
     #[arg(long, value_enum, default_value_t = Preset::Fast)]
     pub preset: Preset,
     /// Which geoms may touch the ground
@@ -28,16 +28,16 @@ pub struct BenchPhysics {
     /// Threads
     #[arg(long, value_name = "N", default_value = "1")]
     pub threads: std::num::NonZeroUsize,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
+    /// Device: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: Device,
-    /// Robots at once (1024 on the processor, 4096 on a GPU)
+    /// Number of robots that are simulated together [default: 1024 on the CPU, 4096 on a GPU]
     #[arg(long, value_name = "N")]
     pub environments: Option<std::num::NonZeroUsize>,
-    /// GPU: physics steps of one launch
+    /// GPU: physics steps per kernel launch
     #[arg(long, value_name = "N", default_value = "4")]
     pub substeps: std::num::NonZeroUsize,
-    /// GPU: threads of a robot, 1, 2 or 4 (default: by the number of robots)
+    /// GPU: threads per robot, 1, 2 or 4 [default: depends on the number of robots]
     #[arg(long, value_name = "N", value_parser = lanes)]
     pub lanes: Option<usize>,
     /// GPU: guarded parts of fewer operations than this are always computed
@@ -62,23 +62,22 @@ fn lanes(text: &str) -> Result<usize, String> {
 pub struct BenchTrain {
     /// A training's configuration (TOML): its robot, task, networks and PPO [default: the default training]
     pub config: Option<PathBuf>,
-    /// Robots at once [default: as in the training]
+    /// Number of robots that are simulated together [default: as in the training]
     #[arg(long, value_name = "N")]
     pub environments: Option<usize>,
-    /// Control steps of a rollout [default: as in the training]
+    /// Control steps per rollout [default: as in the training]
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
-    /// Iterations that are measured, after two that are not
+    /// Number of measured iterations; two more come first and do not count
     #[arg(long, value_name = "N", default_value = "10")]
     pub iterations: std::num::NonZeroU32,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs together), or auto (a GPU if one can be
-    /// used)
+    /// Device: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs together), or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: Devices,
-    /// GPU: how exactly matrices are multiplied [default: as in a training]
+    /// GPU: precision of matrix products [default: as in a training]
     #[arg(long, value_name = "PRECISION")]
     pub precision: Option<Products>,
     /// Print one JSON document
@@ -102,9 +101,9 @@ pub enum Products {
 pub enum OwnParts {
     /// None
     Off,
-    /// The pairs that the robot file permits
+    /// All pairs of geoms that the robot file lets touch
     File,
-    /// The ends of limbs
+    /// The ends of the limbs only
     Limbs,
 }
 

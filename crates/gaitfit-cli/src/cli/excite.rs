@@ -18,48 +18,50 @@ pub struct Excite {
     /// Folder for the files, made if it is absent; with --policy the file of commands (.csv)
     #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
-    /// Choose commands for this walking policy instead, so that its logs identify the fit's parameters best
+    /// Instead of a motion, choose velocity commands for this walking policy, so that its logs identify the fit's
+    /// parameters as precisely as possible
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
-    /// With --policy: sequences to choose
+    /// With --policy: number of command sequences to choose
     #[arg(long, value_name = "N", default_value_t = 8, requires = "policy")]
     pub trajectories: usize,
-    /// With --policy: sequences to choose from
+    /// With --policy: number of random command sequences to choose from
     #[arg(long, value_name = "N", default_value_t = 128, requires = "policy", hide = true)]
     pub pool: usize,
-    /// With --policy: largest commands of the sequences to choose from, as a multiple of the task's; commands under which
-    /// the policy falls in simulation are left out
+    /// With --policy: largest velocity commands, as a multiple of the task's; sequences under which the policy falls in
+    /// simulation are left out
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy", hide = true)]
     pub reach: f64,
     /// With --policy: parameters to identify, names or patterns, separated by commas [default: those that the
-    /// configuration's logs leave unidentified, or all]
+    /// configuration's logs do not identify; all if there are none]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', requires = "policy")]
     pub parameters: Vec<String>,
-    /// With --policy: values of the parameters, a theta.toml [default: the configuration's truth, or the search's start]
+    /// With --policy: values of the parameters, a theta.toml [default: the configuration's truth, or the search's
+    /// start]
     #[arg(long, value_name = "FILE", requires = "policy")]
     pub theta: Option<PathBuf>,
-    /// With --policy: standard deviation of random torques at every joint and physics step, N·m
+    /// With --policy: standard deviation of Gaussian noise on the torque of every joint at every physics step, N·m
     #[arg(long, value_name = "NM", default_value_t = 1.0, requires = "policy", hide = true)]
     pub torque_noise: f64,
     /// With --policy: change one setting of the configuration (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "policy", hide = true)]
     pub set: Vec<String>,
-    /// Joints that move, names or patterns, separated by commas [default: all]
+    /// Joints to move, names or patterns, separated by commas [default: all]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', conflicts_with = "policy")]
     pub joints: Vec<String>,
-    /// Which joints move at a time
+    /// Which joints move at the same time; each such group of joints has a turn
     #[arg(long, value_enum, default_value_t = Turns::All, conflicts_with = "policy")]
     pub turns: Turns,
-    /// Length of a turn, s [default: 20], or with --policy of a sequence [default: 4]
+    /// Length of a turn, s [default: 20]; with --policy: length of a command sequence, s [default: 4]
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
-    /// First and last frequency, Hz; a limit may lower the last one
+    /// First and last frequency of the chirp, Hz; the robot's limits may lower the last one
     #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], conflicts_with = "policy")]
     pub frequency: Vec<f64>,
-    /// Amplitude, rad; a limit may lower it
+    /// Amplitude, rad; the robot's limits may lower it
     #[arg(long, value_name = "RAD", default_value_t = 0.3, conflicts_with = "policy")]
     pub amplitude: f64,
-    /// Targets a second
+    /// Rate of the position targets, Hz
     #[arg(long, value_name = "HZ", default_value_t = 200.0, conflicts_with = "policy", hide = true)]
     pub rate: f64,
     /// Time in which the amplitude rises at the start of a turn and falls at its end, s
@@ -72,38 +74,39 @@ pub struct Excite {
     /// Velocity gains, N·m·s/rad
     #[arg(long, value_name = "KD", requires = "kp", conflicts_with = "policy")]
     pub kd: Option<Gain>,
-    /// Middle of a joint's motion, rad (repeatable) [default: the pose of `gaitfit init`, away from the ends of the ranges]
+    /// Middle of a joint's motion, rad (repeatable) [default: the pose of `gaitfit init`, away from the ends of the
+    /// ranges]
     #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy", hide = true)]
     pub pose: Vec<Angle>,
-    /// Part of every limit that the motion does not use
+    /// Share of every limit that the motion leaves unused
     #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy", hide = true)]
     pub margin: f64,
-    /// Max speed of all joints, if the file has no lower one, rad/s [default: the file's, or 10]
+    /// Speed limit of all joints, rad/s; a lower limit of the robot file still holds [default: the file's, or 10]
     #[arg(long, value_name = "RAD_S", conflicts_with = "policy", hide = true)]
     pub velocity_limit: Option<f64>,
-    /// Max torque of all joints, if the file has no lower one, N·m [default: the file's]
+    /// Torque limit of all joints, N·m; a lower limit of the robot file still holds [default: the file's]
     #[arg(long, value_name = "NM", conflicts_with = "policy", hide = true)]
     pub torque_limit: Option<f64>,
-    /// Configuration of a fit of legs in the air, for gains, parameters and bounds of the simulated robots [default:
+    /// Configuration of a fit of legs in the air: the motion is tested with its gains, parameters and bounds [default:
     /// friction, armature, damping and delay]
     #[arg(long, value_name = "FILE.toml", conflicts_with = "policy")]
     pub fit: Option<PathBuf>,
-    /// Expected difference between fitted simulator and log, relative to half of a joint's range
+    /// Expected difference between the joint angles of fitted simulator and log, relative to half of a joint's range
     #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy", hide = true)]
     pub difference: f64,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
-    /// Overwrite files of the folder that differ, such as a play.py with your code
+    /// Overwrite files of the folder that you changed, such as a play.py with your code
     #[arg(long, conflicts_with = "policy")]
     pub force: bool,
-    /// Seed of the joints' phases and of the simulated robots
+    /// Random seed of the joints' phases and of the simulated robots
     #[arg(long, value_name = "N", default_value_t = 0, hide = true, value_parser = super::seed, allow_negative_numbers = true)]
     pub seed: u64,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", hide = true)]
     pub threads: Option<NonZeroUsize>,
 }

@@ -9,17 +9,17 @@ pub struct Export {
     /// Policy (.safetensors, .onnx, .toml, or the run folder of a training), log (.csv), or fitted parameters (the
     /// theta.toml of a fit)
     pub file: PathBuf,
-    /// Policy: write the actor as an ONNX graph, the interface in its metadata
+    /// Policy: write the actor as an ONNX graph; its metadata describes observations, actions and gains
     #[arg(long, value_name = "FILE.onnx")]
     pub onnx: Option<PathBuf>,
-    /// Policy: write the whole policy in gaitfit's own format
+    /// Policy: write actor, critic and interface in gaitfit's own format
     #[arg(long, value_name = "FILE.safetensors")]
     pub safetensors: Option<PathBuf>,
-    /// Policy: write a folder for programs that run it without gaitfit: ONNX, controller.yaml for ROS 2, and deploy.yaml
-    /// of unitree_rl_lab
+    /// Policy: write a folder for programs that run it without gaitfit: ONNX, controller.yaml for ROS 2, and
+    /// deploy.yaml of unitree_rl_lab
     #[arg(long, value_name = "FOLDER")]
     pub bundle: Option<PathBuf>,
-    /// Policy: write it as C++17, the network inside: policy.hpp, and example.cpp that uses it
+    /// Policy: write it as C++17 without dependencies: policy.hpp, which contains the network, and example.cpp
     #[arg(long, value_name = "FOLDER")]
     pub cpp: Option<PathBuf>,
     /// Policy: overwrite files of an earlier bundle or C++ folder
@@ -29,23 +29,24 @@ pub struct Export {
     /// mjlab
     #[arg(long, value_name = "PATH")]
     pub out: Option<PathBuf>,
-    /// Robot (.xml, .mjcf, .urdf): the fitted one, or the one with the effort limits for bundle and C++ [default: that of
-    /// the fit or of the policy's training, or the built-in Go2]
+    /// Robot (.xml, .mjcf, .urdf): the fitted one, or the one with the effort limits for bundle and C++ [default: that
+    /// of the fit or of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// Parameters: position gain of the controller on every joint, N·m/rad
+    /// Parameters: position gain of every joint's PD controller, N·m/rad
     #[arg(long, value_name = "KP", requires = "kd")]
     pub kp: Option<f64>,
-    /// Parameters: velocity gain of the controller on every joint, N·m·s/rad
+    /// Parameters: velocity gain of every joint's PD controller, N·m·s/rad
     #[arg(long, value_name = "KD", requires = "kp")]
     pub kd: Option<f64>,
-    /// Parameters: policy that gives the controller's gains
+    /// Parameters: policy that states the PD gains
     #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
     pub policy: Option<PathBuf>,
-    /// Parameters: physics step of the other simulator, s; Isaac Lab and mjlab count delays in it [default: the fit's]
+    /// Parameters: physics step of the other simulator, s; Isaac Lab and mjlab count delays in such steps [default: the
+    /// fit's]
     #[arg(long, value_name = "SECONDS")]
     pub step: Option<f64>,
     /// Print one JSON document

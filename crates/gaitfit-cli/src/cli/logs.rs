@@ -13,28 +13,29 @@ pub struct Import {
     /// Log to write
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
-    /// Joints, units and columns that the recording does not state (docs/import.md)
+    /// File that states the joints, units and columns which the recording does not state (docs/import.md)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
+    /// Robot whose joint order applies if joints have numbers instead of names; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Robot: drop what the engine cannot simulate, instead of refusing the file
+    /// Robot: leave out parts that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// Policy that unpacks recorded observations, and gives the order of numbered joints
+    /// Policy whose interface splits recorded observation vectors, and whose joint order applies if joints have numbers
+    /// instead of names
     #[arg(long, value_name = "FILE")]
     pub policy: Option<PathBuf>,
-    /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
+    /// Read only topics, columns or arrays whose names begin with these words, separated by commas
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub take: Vec<String>,
     /// Add this to the times of messages without joint positions, s [default: from the recorder's clock]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub clock_offset: Option<f64>,
-    /// Samples a second of a file without times, or with times that lost their digits
+    /// Sampling rate, Hz, if the file has no timestamps or has too coarse ones
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
-    /// Take one row of N
+    /// Keep every N-th row only
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub every: Option<u32>,
     /// Print one JSON document
@@ -57,16 +58,17 @@ pub struct New {
     /// Configuration to write
     #[arg(long, value_name = "FILE.toml")]
     pub out: Option<PathBuf>,
-    /// Joints, units and columns that recordings do not state (see `gaitfit import --mapping`)
+    /// File that states the joints, units and columns which recordings do not state (as in `gaitfit import --mapping`)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*" = 40, "*_hip" = 20 }'
+    /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*" = 40, "*_hip" = 20
+    /// }'
     #[arg(long, value_name = "KP")]
     pub kp: Option<Gain>,
     /// Velocity gains, N·m·s/rad, if the logs do not state them
     #[arg(long, value_name = "KD")]
     pub kd: Option<Gain>,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Overwrite an existing file
@@ -83,7 +85,7 @@ pub struct Runs {
     /// Folder of the run folders
     #[arg(default_value = "runs", value_name = "FOLDER")]
     pub folder: PathBuf,
-    /// Write a page: parameters of the fits side by side, learning curves of the trainings in common charts
+    /// Write a page that compares the runs: parameters of the fits, and learning curves of the trainings
     #[arg(long, value_name = "FILE.html")]
     pub html: Option<PathBuf>,
     /// Open the page

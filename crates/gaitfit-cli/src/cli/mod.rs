@@ -52,15 +52,15 @@ pub struct Cli {
 pub enum Command {
     /// Show a robot, log, folder or policy, with its faults
     Inspect(Inspect),
-    /// Check a robot that hangs: sensors, joints, network
+    /// Check a suspended robot: joints, sensors, network
     Preflight(Preflight),
     /// Record a robot's ROS 2 topics as a log, without ROS
     Record(Record),
     /// Convert a recording (MCAP, ROS bag, npz, CSV) to a log
     Import(Import),
-    /// Rank what a robot has and its model lacks, from its walks
+    /// Find effects in walking logs that the robot's model lacks
     Explain(Explain),
-    /// Show a log and its simulation as two robots on one clock
+    /// Play a log and its simulation side by side, in 3-D
     View(View),
     /// List runs with their results
     Runs(Runs),
@@ -71,9 +71,9 @@ pub enum Command {
     /// Fit the simulator's parameters to logs of a robot
     #[command(alias = "adapt")]
     Fit(Fit),
-    /// Predict how well logs identify each parameter
+    /// Predict how precisely logs identify each parameter
     Sensitivity(Sensitivity),
-    /// Write a motion or commands that identify the parameters
+    /// Write a motion, or commands, for logs that identify much
     Excite(Box<Excite>),
     /// Check how well a finished fit predicts other logs
     Validate(Validate),
@@ -87,7 +87,7 @@ pub enum Command {
     Loop(Loop),
     /// Measure how well a policy walks in a simulator
     Evaluate(Evaluate),
-    /// Print the table of drift trials from their filled forms
+    /// Compute drift errors from the forms that `run` wrote
     Drift(Drift),
     /// Write a policy, log or theta.toml for other programs
     #[command(aliases = ["export-log", "export-theta"])]
@@ -98,14 +98,15 @@ pub enum Command {
     Run(Box<Run>),
     /// Print every setting with its default
     Config(Config),
-    /// Evaluate one physics step at given states
+    /// Compute one physics step from given states
     Forward(Forward),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),
-    /// Run a table of the paper, beside the paper's numbers
+    /// Repeat an experiment of Dao and Fern's paper (simulator adaptation by proprioceptive distribution matching), and
+    /// print its table beside the paper's numbers
     Reproduce(Reproduce),
-    /// Print completions for a shell
+    /// Print tab completions for a shell
     Completions(Completions),
     /// Write the manual pages into a folder
     Man(Man),
@@ -120,13 +121,13 @@ pub struct Inspect {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Robot: drop what the engine cannot simulate and list it, instead of refusing the file
+    /// Robot: leave out parts that the engine cannot simulate, and list them, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Log: check it against this robot's joints and limits; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Log: check that its actions follow from this policy; if not, try other joint orders, signs and scales
+    /// Log: check that this policy gives the logged actions; if it does not, try other joint orders, signs and scales
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
     /// Log: write a picture of the joint signals (.svg), or a page (.html) that fits a phone
@@ -139,17 +140,22 @@ pub struct Inspect {
 
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
+#[command(
+    after_help = "The effects are play, compliance and load-dependent friction of gears, a joint whose friction, \
+                        spring or strength differs from the same joint of the other legs, soft ground, and errors of \
+                        sensors. Those that change the motion most stand first (docs/real-robots.md)."
+)]
 pub struct Explain {
     /// Log of a walk (.csv), or folder of logs of one robot
     pub logs: PathBuf,
     /// Robot (.xml, .mjcf, .urdf); `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: PathBuf,
-    /// Policy that walked. With it, robots without effects are simulated, and what their logs show
-    /// is subtracted (under a minute)
+    /// Policy that walked. With it, the same walks are simulated without such effects, and what these logs show is
+    /// subtracted (under a minute)
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Print one JSON document
@@ -168,29 +174,29 @@ pub struct Init {
     /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
     /// Fit the feet to the robot's meshes, even if other shapes of it touch the ground
     #[arg(long)]
     pub feet_from_mesh: bool,
-    /// Write the robot as one MJCF file, without includes and meshes, even if its own file reads
+    /// Write the robot as one MJCF file, without includes and meshes, even if gaitfit can read its own file
     #[arg(long)]
     pub one_file: bool,
     /// Write no page of the stance
     #[arg(long, hide = true)]
     pub no_picture: bool,
-    /// Train a policy for the task. If it does not learn to walk, train with the next guess of the gains; if no guess walks, train
-    /// the best one further
+    /// Train a policy for the task. If it does not learn to walk, train with the next guess of the gains; if no guess
+    /// walks, train the best one further
     #[arg(long)]
     pub train: bool,
-    /// With --train, train the best guess further only while that should end within N minutes of the start (0: never)
+    /// With --train, train the best guess further only if that should end within N minutes of the start (0: never)
     #[arg(long, value_name = "N", requires = "train", default_value_t = 10.0, value_parser = minutes)]
     pub minutes: f64,
     /// With --train, change one setting of the trainings, for example --set train.iterations=200 (repeatable)
     #[arg(long, value_name = "KEY=VALUE", requires = "train", hide = true)]
     pub set: Vec<String>,
-    /// With --train, what computes: cpu, cuda, cuda:N or auto [default: auto]
+    /// With --train, the device: cpu, cuda, cuda:N or auto [default: auto]
     #[arg(long, value_name = "DEVICE", requires = "train", hide = true)]
     pub device: Option<Devices>,
     /// With --train, threads [default: one for each core]
@@ -217,10 +223,10 @@ pub struct Forward {
     pub states: PathBuf,
     /// Output: arrays M, qfrc_bias, qacc, next_qpos, next_qvel
     pub out: PathBuf,
-    /// Solver effort
+    /// Accuracy of the contact solver
     #[arg(long, value_enum, default_value_t = Preset::Converged)]
     pub preset: Preset,
-    /// Drop what the engine cannot simulate, instead of refusing the file
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
 }

@@ -66,26 +66,28 @@ impl RobotKind {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "On a robot")]
 pub struct LinkArgs {
-    /// Network interface to the robot, for example eth0; lo for a simulator on this machine
+    /// Network interface that leads to the robot, for example eth0; lo for a simulator on this machine
     #[arg(long, value_name = "NAME")]
     pub interface: Option<String>,
-    /// DDS domain: robots are in 0, simulators in 1
+    /// DDS domain: 0 for robots, 1 for simulators
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232), hide = true)]
     pub domain: u16,
-    /// How long the robot stands under the policy between trajectories, s [default: 2]
+    /// How long the policy lets the robot stand (zero command) between trajectories, s [default: 2]
     #[arg(long, value_name = "S", hide = true)]
     pub pause: Option<f64>,
-    /// Time in the policy's default pose before the policy acts, s. Lower a robot that hangs in this time [default: 0.5;
-    /// robots that hang: 10, at least 3]
+    /// How long the robot holds the policy's default pose before the policy takes over, s. Lower a suspended robot to
+    /// the ground in this time [default: 0.5; robots that start suspended: 10, at least 3]
     #[arg(long, value_name = "S", hide = true)]
     pub stand: Option<f64>,
-    /// Compute everything and send nothing; its logs go into the folder dry-run within --out
+    /// Read the robot's state and run the policy, but send no motor commands; the logs go into the folder dry-run in
+    /// --out
     #[arg(long)]
     pub dry_run: bool,
-    /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
+    /// Do not ask before the robot moves; only for simulators, which use a DDS domain other than 0
     #[arg(long, hide = true)]
     pub yes: bool,
-    /// Max age of a state and max delay of a loop, ms; only for simulators on busy machines. On a robot both are 20
+    /// Stop if a robot's state is older than this, or the control loop is later, ms; more than 20 only for simulators
+    /// on busy machines
     #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
     pub patience: u16,
 }
@@ -120,8 +122,8 @@ impl LinkArgs {
 pub struct Run {
     /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
     pub policy: PathBuf,
-    /// The robot: unitree-go2, unitree-go2w, unitree-b2, unitree-g1 or unitree-h1-2 over DDS, or a simulator with its messages;
-    /// a robot's file (.toml); simulated: a Go2 in gaitfit's own engine, in real time
+    /// The robot: unitree-go2, unitree-go2w, unitree-b2, unitree-g1 or unitree-h1-2 over DDS, or a simulator with its
+    /// messages; a robot's file (.toml); simulated: a Go2 in gaitfit's own engine, in real time
     #[arg(long, value_name = "ROBOT")]
     pub robot: RobotKind,
     /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); its last row ends the walk. Or a file of
@@ -134,18 +136,20 @@ pub struct Run {
     /// Length of each trajectory of a file of `excite --policy`, s [default: 4]
     #[arg(long, value_name = "S", conflicts_with_all = ["random", "remote", "keyboard", "drift"])]
     pub seconds: Option<f64>,
-    /// Commands from the robot's own remote: the left stick walks, the right one turns, A lies it down, B damps
+    /// Commands from the robot's own remote control: the left stick walks, the right stick turns, A lies the robot
+    /// down, B stops it with damped joints
     #[arg(long)]
     pub remote: bool,
-    /// Commands from this terminal's keys: W A S D or arrows, J and L aside, Space stands, Q lies down, Esc damps
+    /// Commands from the keyboard: W A S D or arrows walk and turn, J and L step sideways, Space stands, Q lies down,
+    /// Esc stops the robot with damped joints
     #[arg(long)]
     pub keyboard: bool,
     /// Number of drift trials in each direction: stand, a constant command for 4 s, stand. The robot waits for Enter
     /// between trials. A form for your measurements is written into --out, for `gaitfit drift`
     #[arg(long, value_name = "N")]
     pub drift: Option<usize>,
-    /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
-    /// paper's, 1,1,0.3925]
+    /// Speeds of the drift trials: forward and sideways, m/s, and yaw, rad/s; 0 leaves a direction out [default:
+    /// 1,1,0.3925, those of Dao and Fern]
     #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1, allow_hyphen_values = true,
         conflicts_with_all = ["commands", "random", "remote", "keyboard"], hide = true)]
     pub drift_speeds: Vec<f32>,
@@ -163,13 +167,13 @@ pub struct Run {
         allow_negative_numbers = true
     )]
     pub seed: u64,
-    /// Folder for the logs and the summary; it must not hold a run
+    /// Folder for the logs and the summary; it must not contain an earlier run
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Play commands that are outside the policy's training
+    /// Also play commands that are larger than those of the policy's training
     #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"], hide = true)]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.
@@ -183,7 +187,9 @@ pub struct Run {
 /// Arguments of `record`.
 #[derive(Debug, Args)]
 pub struct Record {
-    /// Topics to listen to, with their types, in a table [topics]; other keys are those of `gaitfit import --mapping`
+    /// File with a table [topics]: the topics to record and their types; its other keys are the same as in `gaitfit
+    /// import
+    /// --mapping`
     #[arg(value_name = "TOPICS.toml")]
     pub topics: PathBuf,
     /// Network interface to the robot, for example eth0; lo for a program on this machine
@@ -195,10 +201,10 @@ pub struct Record {
     /// Length of the recording from the first message on, s [default: until Ctrl-C]
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
-    /// Robot that gives the order of numbered joints; `unitree-go2` is the built-in Go2
+    /// Robot whose joint order applies if joints have numbers instead of names; `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Log to write; the unchanged messages are written beside it, into a .mcap file
+    /// Log to write; the raw messages go into a .mcap file beside it
     #[arg(long, value_name = "FILE.csv")]
     pub out: PathBuf,
     /// Print one JSON document
@@ -209,7 +215,7 @@ pub struct Record {
 /// Arguments of `drift`.
 #[derive(Debug, Args)]
 pub struct Drift {
-    /// Filled forms, one for each policy, to compare them
+    /// Forms of `gaitfit run --drift` with your measurements; one for each policy compares the policies
     #[arg(required = true, value_name = "FORM.csv")]
     pub forms: Vec<PathBuf>,
     /// Print one JSON document

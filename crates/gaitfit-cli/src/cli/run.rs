@@ -12,16 +12,16 @@ pub struct RunArgs {
     /// Change one setting (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Resume the latest run of this name, to the same result
+    /// Continue the latest run of this name, to the same result as without the interruption
     #[arg(long)]
     pub resume: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Open the page when the run ends
+    /// Open the report in the browser when the run ends
     #[arg(long)]
     pub open: bool,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
     /// Name of the run and its folder [default: the configuration's name]
@@ -55,8 +55,8 @@ fn set_help<C: Configuration>(set: Arg) -> Arg {
 pub struct Fit {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
-    /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a
-    /// GPU if one can be used); a run may resume on another device [default: auto; with --resume the run's]
+    /// Device of the simulations: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs share the candidates), or
+    /// auto (a GPU if one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -67,13 +67,13 @@ pub struct Fit {
 /// Arguments of `sensitivity`.
 #[derive(Debug, Args)]
 pub struct Sensitivity {
-    /// Configuration (TOML) of a fit, for its robot, logs, parameters and first cost
+    /// Configuration (TOML) of a fit; its robot, logs, parameters and first cost are used
     pub config: PathBuf,
     /// Values of the parameters: the theta.toml of a fit [default: the configuration's truth, or the search's start]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
-    /// Expected difference between fitted simulator and logs, relative to half of a joint's range [default: that of these
-    /// values]
+    /// Expected difference between the joint signals of fitted simulator and logs, relative to half of a joint's range
+    /// [default: the difference at these values]
     #[arg(long, value_name = "X")]
     pub difference: Option<f64>,
     /// Change one setting, for example --set simulation.timestep=0.0025 (repeatable)
@@ -82,7 +82,7 @@ pub struct Sensitivity {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
 }
@@ -104,7 +104,7 @@ pub struct Validate {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
 }
@@ -121,8 +121,8 @@ pub struct Train {
     /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the robots), or auto (a GPU if
-    /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
+    /// Device of the training: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs share the robots), or auto (a
+    /// GPU if one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -143,13 +143,14 @@ pub struct Finetune {
     /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    /// Add a spring to a joint: its stiffness, N·m/rad, and its rest angle, rad [default: the joint's default angle]
+    /// (repeatable)
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
     pub spring: Vec<gaitfit::Spring>,
-    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    /// Standard deviation of Gaussian noise on the torque of every joint at every physics step, N·m
     #[arg(long, value_name = "NM")]
     pub torque_noise: Option<f64>,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
@@ -161,8 +162,8 @@ pub struct Finetune {
     /// Number of seeds (3: the seeds 1, 2, 3), or a list (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the robots), or auto (a GPU if
-    /// one can be used); a run may resume on another device [default: auto; with --resume the run's]
+    /// Device of the training: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs share the robots), or auto (a
+    /// GPU if one can be used); a run may resume on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -176,8 +177,8 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share a fit's candidates and
-    /// a training's robots), or auto (a GPU if one can be used) [default: auto; with --resume the run's]
+    /// Device of fit and training: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs share a fit's candidates
+    /// and a training's robots), or auto (a GPU if one can be used) [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<super::Devices>,
     /// How it runs.
@@ -188,15 +189,15 @@ pub struct Loop {
 /// Arguments of `reproduce`.
 #[derive(Debug, Args)]
 pub struct Reproduce {
-    /// Name of the table; `list` prints all names with their times
+    /// Name of the table; `list` prints all names and how long they take
     pub table: String,
-    /// Run at the paper's scale instead of a scale for two cores
+    /// Run at the paper's scale; the default scale suits two cores
     #[arg(long)]
     pub full: bool,
-    /// Repetitions of every cell with other seeds
+    /// Number of repetitions of every cell, each with another seed
     #[arg(long, value_name = "N", default_value = "1")]
     pub seeds: std::num::NonZeroU32,
-    /// Cells to run, for example '*-wass'; the table has only these
+    /// Run only the cells (rows) of the table with such names, for example '*-wass'
     #[arg(long, value_name = "GLOB")]
     pub only: Option<String>,
     /// Change one setting of every cell, for example --set policy=my.safetensors (repeatable)
@@ -211,14 +212,14 @@ pub struct Reproduce {
     /// Open the plot when the run ends
     #[arg(long)]
     pub open: bool,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the cells), or auto (a
-    /// GPU if one can be used)
+    /// Device of fits and trainings: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs share the cells), or
+    /// auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: super::Devices,
-    /// Cells at a time; one fit alone does not keep a GPU busy [default: one for each device]
+    /// Number of cells to run at the same time; one fit alone does not keep a GPU busy [default: one for each device]
     #[arg(long, value_name = "N")]
     pub jobs: Option<std::num::NonZeroUsize>,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
 }

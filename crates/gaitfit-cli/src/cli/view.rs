@@ -22,7 +22,8 @@ pub struct View {
     /// Policy that walked [default: the configuration's]; without it a walk has no simulation
     #[arg(long, value_name = "POLICY")]
     pub policy: Option<PathBuf>,
-    /// Page to write; it replaces a file of this name [default: a new file in the current folder, the log's name with .html]
+    /// Page to write; it replaces a file of this name [default: a new file in the current folder, the log's name with
+    /// .html]
     #[arg(long, value_name = "FILE.html")]
     pub out: Option<PathBuf>,
     /// Open the page
@@ -37,7 +38,7 @@ pub struct View {
     /// Change one setting of the configuration, for example gains.kp=25 (repeatable)
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", hide = true)]
     pub threads: Option<NonZeroUsize>,
     /// Print one JSON document

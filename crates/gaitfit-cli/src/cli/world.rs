@@ -13,7 +13,7 @@ pub struct WorldArgs {
     /// Robot (.xml, .mjcf, .urdf) [default: that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
-    /// Drop what the engine cannot simulate in the robot file, instead of refusing it
+    /// Leave out parts of the robot file that the engine cannot simulate, instead of refusing the file
     #[arg(long, hide = true)]
     pub lenient: bool,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
@@ -22,22 +22,23 @@ pub struct WorldArgs {
     /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
-    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    /// Add a spring to a joint: its stiffness, N·m/rad, and its rest angle, rad [default: the joint's default angle]
+    /// (repeatable)
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]", hide = true)]
     pub spring: Vec<gaitfit::Spring>,
-    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    /// Standard deviation of Gaussian noise on the torque of every joint at every physics step, N·m
     #[arg(long, value_name = "NM", default_value_t = 0.0, hide = true)]
     pub torque_noise: f64,
-    /// Vary robots, starts and observations as in training, with pushes
+    /// Randomise robots, initial states and observations as in training, and push the robots
     #[arg(long, hide = true)]
     pub randomised: bool,
-    /// Solver effort
+    /// Accuracy of the contact solver
     #[arg(long, value_enum, default_value_t = Preset::Fast, hide = true)]
     pub preset: Preset,
-    /// Seed of commands, starts and noise
+    /// Random seed of commands, initial states and noise
     #[arg(long, value_name = "N", default_value_t = 0, hide = true, value_parser = super::seed, allow_negative_numbers = true)]
     pub seed: u64,
-    /// Threads [default: one for each core]
+    /// Number of threads [default: one for each core]
     #[arg(long, value_name = "N", hide = true)]
     pub threads: Option<std::num::NonZeroUsize>,
 }
@@ -82,10 +83,10 @@ pub struct Evaluate {
     /// Length of each trajectory, s [default: 4, or the length of the motion that the policy follows]
     #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
-    /// Robots in each drift trial, which has a constant command; 0: no such trials [default: 64]
+    /// Number of robots in each drift trial, a walk under a constant command; 0: no such trials [default: 64]
     #[arg(long, value_name = "N")]
     pub drift: Option<usize>,
-    /// Speeds of the drift trials: ahead and to the side, m/s, and turning, rad/s [default: half of the task's largest
+    /// Speeds of the drift trials: forward and sideways, m/s, and yaw, rad/s [default: half of the task's largest
     /// commands]
     #[arg(
         long,
@@ -96,14 +97,14 @@ pub struct Evaluate {
         hide = true
     )]
     pub drift_speeds: Vec<f64>,
-    /// Robots also cross uneven ground: kinds of it (flat, slopes, stairs, rough) separated by commas, a .toml file with
-    /// [terrain], none, or own (the task's)
+    /// Robots also cross uneven ground: its kinds (flat, slopes, stairs, rough) separated by commas, a .toml file with
+    /// a table [terrain], `none`, or `own` (the task's)
     #[arg(long, value_name = "GROUND", default_value = "own", hide = true)]
     pub terrain: String,
-    /// Robots on each cell of the uneven ground
+    /// Number of robots on each cell of the uneven ground
     #[arg(long, value_name = "N", default_value_t = 32, hide = true)]
     pub terrain_robots: usize,
-    /// What simulates the robots: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 robots or more, if one can
+    /// Device of the simulation: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 robots or more, if one can
     /// be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
@@ -124,8 +125,9 @@ pub struct Evaluate {
 /// Arguments of `collect`.
 #[derive(Debug, Args)]
 #[command(mut_arg("robot", |robot| robot.value_name("FILE|ROBOT").help(
-    "Robot (.xml, .mjcf, .urdf); or unitree-go2, a real one, or simulated, its rehearsal on the clock, as in `gaitfit run` \
-     [default: the robot of the policy's training, or the built-in Go2]"
+    "Robot to simulate (.xml, .mjcf, .urdf); or a real robot, as in `gaitfit run`, for example unitree-go2; or \
+     `simulated`, which rehearses a real Go2 in real time [default: the robot of the policy's training, or the \
+     built-in Go2]"
 )))]
 pub struct Collect {
     /// The policy and its simulator
@@ -137,19 +139,21 @@ pub struct Collect {
     /// Number of trajectories
     #[arg(long, value_name = "N", default_value = "64")]
     pub trajectories: std::num::NonZeroUsize,
-    /// Play these commands instead of random ones: a file of `gaitfit excite --policy`, one sequence for each trajectory
+    /// Play these commands instead of random ones: a file that `gaitfit excite --policy` wrote, with one command
+    /// sequence for each trajectory
     #[arg(long, value_name = "FILE.csv", conflicts_with = "trajectories")]
     pub commands: Option<PathBuf>,
     /// Length of each trajectory, s
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,
-    /// Time from the robot's start to the log's, s: the shortest and the longest; each log has a random time between the two
+    /// Start each log this long after the start of the simulation, s; with two numbers, a random time between them for
+    /// each log. So the log begins in the middle of a walk, at an unknown time, as a real one does
     #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0], hide = true)]
     pub log_shift: Vec<f64>,
-    /// Also record the base's position and velocity, which a robot does not measure
+    /// Also record the position and velocity of the base, which a real robot does not measure
     #[arg(long, hide = true)]
     pub privileged: bool,
-    /// What simulates the walks: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
+    /// Device of the simulation: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
     /// or more, if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,

@@ -79,14 +79,14 @@ impl Looked {
         let compared = self.findings.effects.iter().any(|effect| effect.without.is_some());
         match (input.policy, &self.findings.not_corrected) {
             (Some(_), _) if compared => {
-                "Logs of simulated robots without effects show a part of them too; it is subtracted from the effects of joints.\n"
+                "Logs of simulated robots without such effects show a part of them too; this part is subtracted from the effects of joints.\n"
                     .to_owned()
             }
             (Some(_), Some(why)) => format!("The effects are not compared with simulated robots: {why}.\n"),
             (Some(_), None) => "The effects are not compared with simulated robots.\n".to_owned(),
             (None, _) => {
-                "Nothing was compared with simulated robots. With --policy, the policy that walked, gaitfit simulates robots \
-                 without effects and subtracts what their logs show. Only then it names play.\n"
+                "Nothing was compared with simulated robots, so sizes of effects are rough, and play is never named. With \
+                 --policy, the policy that walked, gaitfit simulates the walks without effects and subtracts what they show.\n"
                     .to_owned()
             }
         }

@@ -18,17 +18,17 @@ pub struct Other {
     /// The difference, in words.
     what: String,
     simulator: Box<SharedSimulator>,
-    /// Whether it differs in what a correction by simulated logs takes away.
+    /// Whether a correction by simulated logs removes the effect of this difference.
     pub corrected: bool,
 }
 
 impl Other {
-    /// Whether it differs in a walk without what sensors read.
+    /// Whether it also gives another walk, and not only other short predictions, which start from sensor readings.
     pub fn walks(&self) -> bool {
         self.what != FEET
     }
 
-    /// The same with what `share` makes of its simulator.
+    /// Replaces its simulator by the one that `share` returns for it.
     pub(super) fn with(self, share: impl FnOnce(Box<SharedSimulator>) -> Box<SharedSimulator>) -> Self {
         Self { simulator: share(self.simulator), ..self }
     }

@@ -1,8 +1,9 @@
-//! Tests of the errors of short predictions for properties that noise does not have: memory, and a dependence on the robot's motion.
+//! Tests of the errors of short predictions for properties that noise does not have: memory, and a dependence on the
+//! robot's motion.
 //!
-//! A prediction of a model that lacks nothing is off by noise of motors and sensors. Noise of one sample knows nothing of
-//! the sample before, nor of velocity, acceleration, torque or command. A missing delay is off along the change of the
-//! target, missing friction along the velocity, missing strength along the torque. So the errors of each joint are
+//! A prediction of a model that lacks nothing is off by noise of motors and sensors. Noise of one sample knows nothing
+//! of the sample before, nor of velocity, acceleration, torque or command. A missing delay is off along the change of
+//! the target, missing friction along the velocity, missing strength along the torque. So the errors of each joint are
 //! regressed on these, as they were when the prediction began. The errors' largest part is made by feet that touch the
 //! ground a moment sooner or later; errors are limited to three deviations, so that they do not drown the rest.
 
@@ -39,7 +40,7 @@ const MOTIONS: [&str; 8] = [
 pub struct Audit {
     /// Correlation of an error with the joint's error a sample before, mean over joints.
     pub memory: f64,
-    /// Part of the errors' variance that goes with what the robot does, mean over joints.
+    /// Share of the errors' variance that correlates with the robot's motion, mean over joints.
     pub explained: f64,
     /// The quantity that errors go with most: its name and the correlation's size, mean over joints.
     #[serde(rename = "most")]
@@ -49,7 +50,8 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// The errors of the predictions of a set of logs without the first `skip` samples of each; `None` if there are too few samples.
+    /// The errors of the predictions of a set of logs without the first `skip` samples of each; `None` if there are too
+    /// few samples.
     pub(super) fn new(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
         let joints = set.logs.first()?.joints.len();
         let names = &set.logs.first()?.joints;
@@ -172,8 +174,8 @@ impl Joint {
     }
 }
 
-/// The part of the variance of `wanted` (length 1) that a regression on `columns` explains, less what as many columns of
-/// noise would (the adjusted R² of Theil 1961).
+/// The part of the variance of `wanted` (length 1) that a regression on `columns` explains, less what as many columns
+/// of noise would (the adjusted R² of Theil 1961).
 fn explained(columns: &[&DVector<f64>], wanted: &DVector<f64>) -> f64 {
     let entries = columns.len();
     if entries == 0 || wanted.len() <= entries + 1 {
@@ -223,7 +225,7 @@ mod tests {
 
     #[test]
     fn what_goes_with_the_velocity_or_the_error_before_is_seen() {
-        // Of noise of variance 1 and half the velocity a fifth is explained.
+        // The error is noise of variance 1 plus half of the velocity, so the velocity explains a fifth of the variance.
         let joint = Joint::new(&series(0.5, 0.0)).unwrap();
         assert!((joint.explained - 0.2).abs() < 0.04, "{}", joint.explained);
         assert!((joint.correlations[0] - 0.2f64.sqrt()).abs() < 0.05 && joint.correlations[1].abs() < 0.06);

@@ -30,7 +30,8 @@ fn evaluated(
     Ok(evaluations.into_iter().next())
 }
 
-/// The fit of cost number `cost`. `course`: the generations of its runs. `left`: what remains unexplained in its errors.
+/// The fit of cost number `cost`. `course`: the generations of its runs. `left`: what remains unexplained in its
+/// errors.
 ///
 /// # Errors
 /// A simulation that fails.
@@ -73,7 +74,8 @@ pub(super) fn fit(
         if outcome.regression.is_none() {
             let alone = parameter.interval;
             parameter.combine();
-            // No simulated robot is like the real one, so estimates from walks and from legs in the air may both be wrong.
+            // No simulated robot is like the real one, so estimates from walks and from legs in the air may both be
+            // wrong.
             if outcome.unlike.is_some() {
                 alone.into_iter().flatten().for_each(|end| parameter.reach(end));
             }
@@ -87,8 +89,8 @@ pub(super) fn fit(
             let place = place.filter(|place| *place < outcome.parameters.len())?;
             Some(parameter(place, setup.theta.prior(place).copied()))
         };
-        // Estimates from legs in the air depend on the motors' strength and on friction under load. So their errors contain the
-        // errors of these two.
+        // Estimates from legs in the air depend on the motors' strength and on friction under load. So their errors
+        // contain the errors of these two.
         if let Some(strength) = fitted(setup.theta.strength(at)).filter(|_| prior.by_strength != 0.0) {
             prior = prior.with_strength(strength.found.value, strength.error());
         }
@@ -155,7 +157,7 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
     let [Some(mass), Some(distance)] = places else { return };
     let x = parameters[distance].found.value;
     let moment = parameters[mass].found.value * x;
-    // Intervals are measured of all parameters or of none, so without this one the mass has none to widen.
+    // Either all parameters have intervals or none has. So if the distance has none, neither has the mass.
     for end in parameters[distance].interval.into_iter().flatten() {
         // On the other side of the base's middle no mass has this moment, so the mass may be anything above.
         let other = if end * x > 0.0 { moment / end } else { parameters[mass].found.upper };
@@ -163,8 +165,8 @@ fn widen_load_mass(parameters: &mut [Parameter]) {
     }
 }
 
-/// Widens intervals to the values of all seeds. An interval of least squares comes from the slopes at one seed's values. If
-/// seeds end at different values, the logs allow more than this interval contains.
+/// Widens intervals to the values of all seeds. An interval of least squares comes from the slopes at one seed's
+/// values. If seeds end at different values, the logs allow more than this interval contains.
 fn widen_to_seeds(parameters: &mut [Parameter]) {
     for parameter in parameters {
         // Only the best seed is corrected. The same correction is assumed for the values of the others.
@@ -190,8 +192,8 @@ fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, 
 /// Random draws over which costs are averaged where two fits are compared. One draw may favour a value by chance.
 const COMPARED_DRAWS: u8 = 8;
 
-/// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported: without
-/// the charge for falls, the price of priors and that of large networks.
+/// The parameters of `other` beside those of `first`. Their costs are distances from the logs alone, as reported:
+/// without the charge for falls, the price of priors and that of large networks.
 pub(super) fn beside(
     setup: &Setup,
     first: &CostOutcome,

@@ -1,8 +1,8 @@
 //! The joint that is not like the others: a spring is fitted on every joint, and only those stay that no sibling has.
 //!
 //! Something bent, a cable, a gas strut: what a joint feels depends on its angle, and nobody knows which joint it is. A
-//! first fit by least squares gives every joint a stiffness and a torque beside what else is fitted. [`judge`] compares each
-//! with the same joint of the other legs. The fit proper then has springs on the odd joints alone.
+//! first fit by least squares gives every joint a stiffness and a torque beside what else is fitted. [`judge`] compares
+//! each with the same joint of the other legs. The fit proper then has springs on the odd joints alone.
 
 use super::setup::Setup;
 use super::springs::FoundSpring;
@@ -19,18 +19,18 @@ use std::time::Instant;
 
 /// File of the first fit's result, in the run folder.
 const FILE: &str = "odd_joints.json";
-/// Springs below this part of the joint's position gain are not worth a word: they move it by less than this part of what
-/// its target does.
+/// Springs whose stiffness is below this share of the joint's position gain are not named: they move the joint by less
+/// than this share of its target's motion.
 const MIN_SHARE: f64 = 0.02;
-/// Stiffness that is not worth a word on a joint whose gain is not known, N·m/rad.
+/// If a joint's gain is not known, springs with a smaller stiffness than this are not named, N·m/rad.
 const MIN_STIFFNESS: f64 = 0.2;
-/// The first fit ends once steps are this part of the entries' deviations.
+/// The first fit ends when its steps are smaller than this share of the entries' deviations.
 const TOLERANCE: f64 = 1e-2;
 
 /// Every joint's spring, and which joints differ from their siblings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OddJoints {
-    /// One a joint.
+    /// One spring for each joint.
     pub springs: Vec<JointSpring>,
     /// Names of the joints that differ, the oddest first.
     pub odd: Vec<String>,

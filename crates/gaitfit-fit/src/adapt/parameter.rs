@@ -10,7 +10,7 @@ pub(super) const APART: f64 = 3.0;
 /// A parameter whose interval is narrower than this part of its bounds is identified, as in `gaitfit-adapt`.
 const NARROW: f64 = 0.5;
 
-/// One entry of θ as found, with what is known of it from elsewhere.
+/// The found value of one entry of θ, with its prior and its true value if they are known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parameter {
     /// Value, unit, spread, bounds, and how its interval was measured.
@@ -62,9 +62,9 @@ impl Parameter {
         ]);
     }
 
-    /// Brings the interval to two standard errors around what was known before, where the fit agrees with that. Whole walks
-    /// show one parameter at a time while the others stay, which is too sure where it is narrower; where it is wider, legs in
-    /// the air know more.
+    /// Replaces the interval by two standard errors around the prior, if the fit agrees with the prior. Intervals from
+    /// whole walks move one parameter while the others stay. If such an interval is narrower than the prior's, it is
+    /// too narrow; if it is wider, legs in the air determine the value better.
     pub(super) fn combine(&mut self) {
         let agrees = |prior: &Prior| prior.away(self.found.value).abs() <= APART;
         let Some(prior) = self.prior.filter(agrees).filter(|_| self.interval.is_some()) else { return };

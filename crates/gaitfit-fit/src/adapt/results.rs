@@ -87,7 +87,8 @@ pub struct AdaptResults {
     /// Walking logs: what they say of joints and sensors without a simulation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub swings: Option<SwingFindings>,
-    /// Effects that the fitted logs show without a simulation and that the fitted simulator lacks, the weightiest first.
+    /// Effects that the fitted logs show without a simulation and that the fitted simulator lacks, the weightiest
+    /// first.
     #[serde(default)]
     pub causes: Vec<Cause>,
     /// The values beside what legs in the air say of them.
@@ -114,7 +115,7 @@ pub struct AdaptResults {
     pub uncovered: Vec<String>,
     /// Folder of the run's files.
     pub run_folder: String,
-    /// Wall time of the search, over all its sessions, and of what measures its result, s.
+    /// Wall time of the search (all sessions) and of the measurements of its result, s.
     pub wall_seconds: f64,
 }
 
@@ -133,7 +134,8 @@ impl AdaptResults {
         ))
     }
 
-    /// Why the result must not be used, in words; absent of results that are sound, or doubtful with intervals that know it.
+    /// Why the result must not be used, in words; absent of results that are sound, or doubtful with intervals that
+    /// know it.
     pub fn refusal(&self) -> Option<String> {
         standing::refusal(&self.doubts).map(|why| format!("{why}. All results are in {}", self.run_folder))
     }
@@ -203,7 +205,7 @@ pub(super) fn results(
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
     let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot, watch));
-    // What was cut short is no failure.
+    // An interruption is not a failure, so it is looked for first.
     checked(2)?;
     let held = held?;
     // All that speaks against the fit becomes one list of doubts, by which the result is judged.
@@ -275,12 +277,12 @@ pub(super) fn results(
 fn causes(setup: &Setup, swings: Option<&SwingFindings>) -> Vec<Cause> {
     let joints = joint_names(setup.method.model());
     let mut causes = swings.map_or_else(Vec::new, explain::causes);
-    // Effects that the fit can express already are no causes of what it leaves.
+    // The fit already has parameters for these effects, so they cannot cause the remaining errors.
     causes.retain(|cause| !explain::covered(cause, &setup.theta, &setup.base, &joints));
     causes
 }
 
-/// The effort of the weakest joint that has some, N·m; `None` if none has a limit.
+/// The smallest torque limit above 0 of any joint, N·m; `None` if no joint has a limit.
 fn least_effort(model: &Model) -> Option<f64> {
     let efforts = (0..model.joints.len()).filter_map(|joint| model.effort(joint));
     // A joint whose limit is 0 is switched off. Beside it any noise would be loud.
@@ -303,14 +305,14 @@ fn cost_fits(
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
         let (mut outcome, warning) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
         if outcome.correction.is_none() && !outcome.regression.as_ref().is_some_and(|one| one.taken) {
-            // What the search paid for going away from what was known is no distance from the logs.
+            // The search's cost contains the price for leaving the priors, which is not a distance from the logs.
             outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
         }
         uncorrected.extend(warning);
         let noise_alone = outcome.uncertainty.is_some();
         // What remains in the errors is examined first, because it widens the intervals of the fit.
         let left = leftover(setup, cost, &outcome.values(), outcome.best_cost, noise_alone, &|| watch.stop());
-        // What was cut short is no failure.
+        // An interruption is not a failure.
         let left = left.map_err(|error| match watch.stop() {
             true => stopped(FitError::Cancelled, folder),
             false => error,

@@ -30,15 +30,17 @@ pub const CONTRADICTED: &str = "contradicted";
 /// Torque noise is large from this part of the weakest joint's max torque on. It stands for all torques that were not
 /// commanded. Simulated robots without such effects are below 0.1. The walks of a real one are at 0.3 to 0.4.
 const LOUD: f64 = 0.2;
-/// The same limit if torque noise is a fitted parameter. Motors have less noise than this. If the model lacks an effect, a
-/// search raises the noise instead. Simulated robots with noise of up to 0.04 were fitted with less than 0.05; one with
-/// twisting joints was fitted with 0.12.
+/// The same limit if torque noise is a fitted parameter. Motors have less noise than this. If the model lacks an
+/// effect, a search raises the noise instead. Simulated robots with noise of up to 0.04 were fitted with less than
+/// 0.05; one with twisting joints was fitted with 0.12.
 const LOUD_FITTED: f64 = 0.1;
-/// Part of the errors' variance that goes with what the robot does, and memory of errors, from which on the model lacks
-/// something. Of simulated robots that differ only in what is fitted both are below half of this.
+/// From these values on the model lacks something: the share of the errors' variance that correlates with the robot's
+/// motion, and the correlation between successive errors. Simulated robots that differ only in fitted parameters have
+/// less than half of both.
 const GOES_WITH: f64 = 0.1;
 const REMEMBERS: f64 = 0.3;
-/// A joint of whose errors this many times as much goes with motion as on average is not like the others.
+/// A joint differs from the others if the share of its errors that correlates with motion is this many times the
+/// average.
 const ONE_JOINT: f64 = 3.0;
 /// Widening of an interval, as a factor less 1, for each root of the part of the variance that goes with motion.
 const WIDER: f64 = 10.0;
@@ -126,7 +128,7 @@ fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
     })
 }
 
-/// The doubt that the remaining errors are no noise, or too much noise.
+/// The doubt that the remaining errors are not only noise, or that they are too much noise.
 fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
     // Each reason is a sentence of one doubt, because all have the same remedy.
     let mut reasons: Vec<String> = Vec::new();
@@ -188,7 +190,7 @@ fn missing(parameters: &[Parameter]) -> &'static str {
     }
 }
 
-/// Factor on the sides of the intervals of a fit whose errors go with what the robot does.
+/// By which factor both sides of the intervals grow if the errors of the fit correlate with the robot's motion.
 pub(super) fn widening(audit: &Audit) -> f64 {
     let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
     // The square of a correlation is a part of the variance, as `explained` is. So both can be compared.
@@ -196,8 +198,8 @@ pub(super) fn widening(audit: &Audit) -> f64 {
     1.0 + WIDER * goes_with.max(remembers).sqrt()
 }
 
-/// Widens the intervals of the first fit to the values of another one that sees the same logs otherwise: whole walks and
-/// short predictions. Says where the two disagree, if they do.
+/// Widens the intervals of the first fit to the values of another one that sees the same logs otherwise: whole walks
+/// and short predictions. Says where the two disagree, if they do.
 pub(super) fn reconcile(fits: &mut [CostFit]) {
     let Some((first, others)) = fits.split_first_mut() else { return };
     // Only the two kinds of costs see logs differently: by whole walks, and by predictions over some samples.
@@ -250,8 +252,8 @@ fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
 }
 
 /// The doubt that values rest on bounds of their search. 0 is an end of many quantities; a value rests there where
-/// the logs exclude all others. `remembers`: whether the errors of a clamped robot's fit are no noise. Where they
-/// are noise, a simulated robot without friction or delay may have made the log.
+/// the logs exclude all others. `remembers`: whether successive errors of a clamped robot's fit are
+/// correlated. If they are only noise, a simulated robot without friction or delay may have made the log.
 fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     let named = |is_so: &dyn Fn(&Parameter) -> bool| -> Vec<String> {
         parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()
@@ -287,7 +289,7 @@ fn bounded(parameters: &[Parameter], remembers: Option<bool>) -> Option<Doubt> {
     (!reasons.is_empty()).then(|| Doubt::new(kind, reasons.join(" ")))
 }
 
-/// Whether a value would have gone on but for a bound of its search. 0 is an end of many quantities and no such bound; see
+/// Whether only a bound of the search stopped the value. 0 is an end of many quantities and no such bound; see
 /// [`wants_nothing`].
 pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
     let estimate = &parameter.found;
@@ -298,8 +300,9 @@ pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
     estimate.at_bound && if upper { !rigid } else { estimate.lower != 0.0 }
 }
 
-/// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,
-/// nothing is wrong. `measured`: by the interval as it was measured, before it was widened for what the simulator lacks.
+/// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is
+/// known to be 0, nothing is wrong. `measured`: by the interval as it was measured, before it was widened for what the
+/// simulator lacks.
 pub(super) fn wants_nothing(parameter: &Parameter, measured: bool) -> bool {
     let estimate = &parameter.found;
     let real = ["frictionloss", "delay"].iter().any(|kind| estimate.name.starts_with(kind));

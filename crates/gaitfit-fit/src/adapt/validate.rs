@@ -98,7 +98,8 @@ impl ValidateResults {
 /// Simulates logs with the robot of a finished fit and with the robot before it.
 ///
 /// # Errors
-/// A configuration or files that are not there or not usable, each by name; `Interrupted` soon after `watch` asks to stop.
+/// A configuration or files that are not there or not usable, each by name; `Interrupted` soon after `watch` asks to
+/// stop.
 pub fn validate(request: &ValidateRequest, watch: &Watch<'_>) -> Result<ValidateResults, Error> {
     let theta = theta::find(&request.theta);
     if !theta.exists() {
@@ -218,7 +219,7 @@ fn largest_delay(robot: &Candidate) -> f64 {
     robot.robot.delay.iter().fold(0.0, |max, &delay| f64::max(max, delay))
 }
 
-/// Whether the first number is below the second, or there is no second; none without a first one.
+/// Whether `fitted` is below `nominal`; true if there is no `nominal`, `None` if there is no `fitted`.
 fn better([fitted, nominal]: [Option<f64>; 2]) -> Option<bool> {
     let fitted = fitted?;
     Some(nominal.is_none_or(|nominal| fitted < nominal))

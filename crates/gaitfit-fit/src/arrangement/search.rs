@@ -4,16 +4,16 @@ use super::orders::Limbs;
 use super::{Arrangement, Change, changes};
 use gaitfit_policy::Interface;
 
-/// Changes that are taken together at most.
+/// Max number of changes in one arrangement.
 const MAX_CHANGES: usize = 3;
-/// Arrangements that are followed at once: a change alone may hardly show what it does with another one.
+/// Number of arrangements that the search follows at the same time: a change may help only together with another one.
 const FOLLOWED: usize = 2;
 /// A further change must make the measure smaller by this factor.
 const HELPS: f64 = 0.8;
 
-/// The arrangement with the smallest measure, and the measures of the given one and of this one. `measure` returns the measure of
-/// each arrangement that it gets. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A measure below `enough` ends
-/// the search. `more`: further changes to try on an arrangement.
+/// The arrangement with the smallest measure, and the measures of the given one and of this one. `measure` returns the
+/// measure of each arrangement that it gets. `with_logs`, `derived`: see [`changes`] and [`Arrangement::with`]. A
+/// measure below `enough` ends the search. `more`: further changes to try on an arrangement.
 pub(super) fn search(
     interface: &Interface,
     limbs: &Limbs,
@@ -36,7 +36,7 @@ pub(super) fn search(
         // All candidates of a round at once, because `measure` uses all threads.
         let measured = measure(&tried);
         let mut ranked: Vec<(Arrangement, f64)> =
-            // Arrangements that are no policy of this robot have no measure.
+            // An arrangement that does not give a policy for this robot has no measure.
             tried.into_iter().zip(measured).filter(|(_, value)| value.is_finite()).collect();
         // The sort is stable: of arrangements that fit alike, the one that was tried first is taken.
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,4 +1,5 @@
-//! The parts of walking logs that count: stretches at the policy's rate that are long enough; and whether they are enough.
+//! The parts of walking logs that count: stretches at the policy's rate that are long enough; and whether they are
+//! enough.
 
 use super::cuts::{Cut, CutKind};
 use super::rate;
@@ -89,7 +90,7 @@ pub(super) fn enough(
     cuts: &[Cut],
 ) -> Result<(), Error> {
     let skipped = config.skip_seconds();
-    // The first part of each stretch is not compared, so it is no data.
+    // The first part of each stretch is not compared, so it does not count as data.
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
         Purpose::Fit => MIN_S,

@@ -15,7 +15,7 @@ const COARSE: usize = 3;
 /// Share of the coarse cells below which combined commands are missing. Driving along one axis at a time visits 7 of
 /// 27.
 const MIN_SHARE: f64 = 0.3;
-/// Share of the data outside the range that is worth a word.
+/// If a larger share of the data is outside the range, the result mentions it.
 const OUTSIDE: f64 = 0.05;
 
 /// One axis of the command space.
@@ -89,7 +89,7 @@ impl Coverage {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = Vec::new();
         let missing = self.uncovered();
-        // Combinations of commands are worth a word only where every range is covered.
+        // Missing combinations of commands are named only if every range alone is covered.
         if !missing.is_empty() {
             warnings.push(format!(
                 "the logs do not cover the policy's commands: {}; the fit is unchecked there: record these next time",
@@ -172,7 +172,8 @@ impl Axis {
     }
 }
 
-/// Cell of `value` among `cells` of the range, with a hair's breadth of grace at its ends.
+/// The cell of the range, cut into `cells` of equal width, in which `value` lies; `None` if it lies outside. The ends
+/// have a small tolerance.
 fn place(value: f64, [low, high]: [f64; 2], cells: usize) -> Option<usize> {
     let along = (value - low) / (high - low);
     // Commands at an end of the range may be rounded beyond it. They count for the outermost cell.

@@ -1,9 +1,9 @@
 //! A ranked list of what a robot has and its model lacks, as walks show it without a simulation, with evidence.
 //!
-//! A cause is named if the logs show it surely, if it explains a good part of the signal that shows it, and if it is large
-//! enough to change how a robot walks. Causes are ranked by their size divided by the smallest size that changes a walk. The
-//! limits were set with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`). With these limits a robot without
-//! a cause has none.
+//! A cause is named if the logs show it surely, if it explains a good part of the signal that shows it, and if it is
+//! large enough to change how a robot walks. Causes are ranked by their size divided by the smallest size that changes
+//! a walk. The limits were set with robots in MuJoCo that have one cause each (`tools/mujoco_effects.py`). With these
+//! limits gaitfit names nothing on a robot without such a cause.
 
 pub use super::cause::{Cause, CauseKind};
 use super::cause::{matters, of_effect};
@@ -24,7 +24,8 @@ pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let (swings, others): (Vec<&Effect>, Vec<&Effect>) =
         findings.effects.iter().partition(|effect| effect.kind == EffectKind::Strength);
     causes.extend(others.into_iter().filter_map(shown));
-    // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can look so.
+    // Friction under load makes a joint look as if it had play. If joints twist, the robot leans, and any joint can
+    // look so.
     let others: Vec<(CauseKind, String)> = causes
         .iter()
         .filter(|cause| matches!(cause.kind, CauseKind::Elasticity | CauseKind::LoadFriction))
@@ -33,8 +34,8 @@ pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     let explained =
         |play: &Cause| others.iter().any(|(kind, of)| *kind == CauseKind::Elasticity || *of == play.of);
     causes.retain(|cause| cause.kind != CauseKind::Backlash || !explained(cause));
-    // Swings show play too, but not its size. If a gear rubs under load, its links respond less to their motors as well, and one
-    // group seldom rubs alone.
+    // Swings show play too, but not its size. If a gear rubs under load, its links respond less to their motors as
+    // well, and one group seldom rubs alone.
     if others.is_empty() {
         let is_new = |play: &Cause| !causes.iter().any(|old| old.kind == play.kind && old.of == play.of);
         let plays = swings.into_iter().filter_map(shown);
@@ -45,8 +46,8 @@ pub fn causes(findings: &SwingFindings) -> Vec<Cause> {
     causes
 }
 
-/// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ changes,
-/// with its known values; `joints`: names of all its joints.
+/// A sentence about the effects that the fitted simulator lacks; absent if it lacks none. `base`: the robot that θ
+/// changes, with its known values; `joints`: names of all its joints.
 pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate, joints: &[String]) -> Option<String> {
     // No fitted value of a joint compensates for these.
     let harmless = [CauseKind::GyroBias, CauseKind::EncoderStep];
@@ -64,8 +65,8 @@ pub fn missing(causes: &[Cause], theta: &Theta, base: &Candidate, joints: &[Stri
     })
 }
 
-/// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them. `joints`: names of
-/// all joints of the robot.
+/// Whether the fitted simulator has an effect: θ contains its parameters, or `base` has values for them. `joints`:
+/// names of all joints of the robot.
 pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]) -> bool {
     let Candidate { robot, sensors, .. } = base;
     let some = |numbers: &[f64]| numbers.iter().any(|number| *number != 0.0);
@@ -77,7 +78,7 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
     let known = |numbers: &[f64], without: f64| {
         joints.iter().zip(numbers).any(|(joint, number)| *joint == cause.of && *number != without)
     };
-    // Nor does a parameter of one joint group cover another group's effect.
+    // A parameter of one joint group does not cover another group's effect either.
     let of_group = |kind: JointParameter| {
         let in_group = |joint: &&String| usual_group(joint) == cause.of;
         joints.iter().filter(in_group).any(|joint| has_joint(kind, joint, theta, base, joints))
@@ -108,8 +109,8 @@ pub fn covered(cause: &Cause, theta: &Theta, base: &Candidate, joints: &[String]
     }
 }
 
-/// Whether `theta` has friction under load, play or compliance of a joint, or `base` has a value for it. `joints`: names
-/// of all joints of the robot.
+/// Whether `theta` has friction under load, play or compliance of a joint, or `base` has a value for it. `joints`:
+/// names of all joints of the robot.
 pub fn has_joint(
     kind: JointParameter,
     joint: &str,
@@ -128,8 +129,8 @@ pub fn has_joint(
     known || theta.entries().iter().any(fitted)
 }
 
-/// Sentences about play that swings show and the fit with these `values` of `theta` does not find. Swings named play falsely
-/// on two of fifteen robots without it (docs, "Which effect is named").
+/// Sentences about play that swings show and the fit with these `values` of `theta` does not find. Swings named play
+/// falsely on two of fifteen robots without it (docs, "Which effect is named").
 pub fn false_play(findings: &SwingFindings, theta: &Theta, values: &[f64]) -> Vec<String> {
     let groups = findings.swings.as_ref().map_or(&[][..], |report| report.groups.as_slice());
     let fitted = |cause: &Cause| -> Option<f64> {

@@ -2,8 +2,8 @@
 
 use crate::log::Log;
 
-/// Falls of the robot and the time in which it could have fallen. Logs are of several lengths, and those that a fall ends early are
-/// left out, so falls are counted by time and not by logs.
+/// Falls of the robot and the time in which it could have fallen. Logs are of several lengths, and those that a fall
+/// ends early are left out, so falls are counted by time and not by logs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Falling {
     /// Falls of a robot that stood before.
@@ -18,8 +18,8 @@ impl Falling {
         Self { falls: self.falls + other.falls, seconds: self.seconds + other.seconds }
     }
 
-    /// The part of `logs` in which the robot would fall if it walked them again, 0 to 1: in a time t it falls with probability
-    /// 1 − exp(−λ t), where λ is the number of its falls in a second.
+    /// The share of `logs` in which the robot would be expected to fall if it walked them again, 0 to 1: in a time t it
+    /// falls with probability 1 − exp(−λ t), where λ is the number of its falls in a second.
     pub fn rate(&self, logs: &[Log]) -> f64 {
         // Without time on its feet a robot has no rate; the quotient below would be infinite.
         if self.falls == 0 || self.seconds <= 0.0 || logs.is_empty() {

@@ -73,8 +73,8 @@ impl LogNotes {
 /// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
 ///
 /// # Errors
-/// Missing files or no logs; logs that lack signals that a fit needs; logs slower than the policy; too little data; actions
-/// that are not the policy's. Each message states what to record next time.
+/// Missing files or no logs; logs that lack signals that a fit needs; logs slower than the policy; too little data;
+/// actions that are not the policy's. Each message states what to record next time.
 pub fn read(
     named: &[String],
     purpose: Purpose,
@@ -189,7 +189,7 @@ fn on_feet(reads: &[Read], config: &AdaptConfig, scene: &Task) -> Result<(Vec<Lo
     for read in reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
-            // What the user allows is no fall, whatever it looks like.
+            // If the user allows a finding, it does not count as a fall.
             .filter(|fall| !is_allowed(fall, &config.allow))
             .map(|fall| Down {
                 samples: fall.samples,
@@ -353,8 +353,8 @@ pub(crate) fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
     target.iter().enumerate().map(action).collect()
 }
 
-/// Largest joint angle, speed, action or command that a log may contain. A larger one is a decoder's mistake. It alone would
-/// decide the signal's range, which scales the costs.
+/// Largest joint angle, speed, action or command that a log may contain. A larger one is a decoder's mistake. It alone
+/// would decide the signal's range, which scales the costs.
 const WILD: f64 = 1e4;
 
 fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
@@ -400,7 +400,7 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
     a.position == b.position && a.velocity == b.velocity && a.action == b.action
 }
 
-/// A base state with holes is none.
+/// Leaves out the state of the base if it has gaps.
 fn drop_broken_base(trajectory: &mut Trajectory) {
     let Some(base) = &mut trajectory.base else { return };
     let parts =

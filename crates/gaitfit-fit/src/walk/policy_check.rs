@@ -1,9 +1,9 @@
 //! Whether a log's actions are the policy's: they follow from the log's own observations, or they do not.
 //!
-//! A log may lack a part of an observation (in a log of joint signals, all readings of an inertial unit). This part is estimated
-//! sample by sample: the values, near those of a level robot at rest, with which the policy comes closest to the logged
-//! action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the right policy's
-//! actions are met almost exactly and another's are not.
+//! A log may lack a part of an observation (in a log of joint signals, all readings of an inertial unit). This part is
+//! estimated sample by sample: the values, near those of a level robot at rest, with which the policy comes closest to
+//! the logged action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the
+//! right policy's actions are met almost exactly and another's are not.
 
 use super::imu_search::{Search, clipped, phases};
 use super::observation::{self, Given};
@@ -79,14 +79,14 @@ pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
     (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
-/// As [`mismatch`], over about so many samples.
+/// Like [`mismatch`], but over about `samples` samples.
 pub(crate) fn mismatch_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> Option<f64> {
     let here = Comparison::over(policy, logs, 0, samples);
     let mismatch = here.mismatch(None);
     (here.samples.len() >= MIN_SAMPLES && mismatch.is_finite()).then_some(mismatch)
 }
 
-/// [`PolicyMatch::slope`] alone, over about so many samples.
+/// Returns [`PolicyMatch::slope`] alone, over about `samples` samples.
 pub(crate) fn slope_of(policy: &Policy, logs: &[&Trajectory], samples: usize) -> f64 {
     Comparison::over(policy, logs, 0, samples).slope()
 }
@@ -98,7 +98,7 @@ struct Comparison {
     samples: Vec<usize>,
     /// `samples × joints`.
     logged: Vec<f64>,
-    /// `samples × joints`, with the best values of what the log lacks.
+    /// `samples × joints`. Observations that the log lacks have the values that fit best.
     predicted: Vec<f64>,
     exact: bool,
 }
@@ -132,8 +132,8 @@ impl Comparison {
                 clipped(interface, action[row * joints..(row + 1) * joints].iter().copied())
             };
             let mut chosen = Vec::new();
-            // The first sample's last action is unknown. Of past frames too all must be known: a search for what several
-            // samples lack would find it for any policy.
+            // The first sample's last action is unknown. Of past frames too all must be known: a search for what
+            // several samples lack would find it for any policy.
             let frames = search.frames();
             let known = |sample: usize| Given::from_log(log, sample).missing(interface).is_empty();
             for sample in frames..log.len() {
@@ -161,8 +161,8 @@ impl Comparison {
         this
     }
 
-    /// Samples of a recurrent policy, which acts along the whole log. A log that lacks anything says nothing, nor does its
-    /// beginning, before which the policy may have seen more than the log holds.
+    /// Samples of a recurrent policy, which acts along the whole log. A log that lacks anything says nothing, nor does
+    /// its beginning, before which the policy may have seen more than the log holds.
     fn remembering(
         &mut self,
         policy: &Policy,

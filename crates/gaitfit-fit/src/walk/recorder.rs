@@ -48,8 +48,8 @@ pub struct NoisyRobot {
 
 impl Recorder {
     /// A recorder of logs like `logs` (joints in the policy's order, sampled at the policy's rate): as long, under the
-    /// same commands, from the state that their first sample shows. The logs do not show how the base moved then; here it is at
-    /// rest. `base`: the robot that θ changes.
+    /// same commands, from the state that their first sample shows. The logs do not show how the base moved then; here
+    /// it is at rest. `base`: the robot that θ changes.
     pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
         let walker = &walking.task.walker;
         let joints = &walker.batch.model().joints;
@@ -81,7 +81,7 @@ impl Recorder {
         candidate
     }
 
-    /// One walk under each log's commands, of the robot as it is.
+    /// Simulates one walk under each log's commands, with θ unchanged.
     ///
     /// # Errors
     /// A policy's function that failed.
@@ -103,7 +103,7 @@ impl Recorder {
     /// The logs of each robot.
     ///
     /// # Errors
-    /// Values that are no robot's.
+    /// Values that are not those of a possible robot.
     pub fn record(
         &self,
         theta: &Theta,
@@ -141,8 +141,8 @@ impl Recorder {
         Ok(logs.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the robot of the job begins each recording.
-    /// Returns the jobs that remain for the CPU.
+    /// Makes the logs of `jobs` on a GPU, if there is one. `begins(job)`: how the robot of the job begins each
+    /// recording. Returns the jobs that remain for the CPU.
     fn on_gpu(
         &self,
         gpu: Option<&GpuLogs>,
@@ -161,12 +161,13 @@ impl Recorder {
         }
     }
 
-    /// The logs of each of `robots` (values of θ), with unknown starts: the robot stands in the log's first joint angles, moves a
-    /// little, and has walked under the log's first command for a time that is drawn anew for each log. `first` numbers the
-    /// robots; with `seed` it selects all draws. `keep(robot, logs)` gets the logs of each robot, once, from any thread.
+    /// The logs of each of `robots` (values of θ), with unknown starts: the robot stands in the log's first joint
+    /// angles, moves a little, and has walked under the log's first command for a time that is drawn anew for each log.
+    /// `first` numbers the robots; with `seed` it selects all draws. `keep(robot, logs)` gets the logs of each robot,
+    /// once, from any thread.
     ///
     /// # Errors
-    /// Values that are no robot's; a policy's function that failed.
+    /// Values that are not those of a possible robot; a policy's function that failed.
     pub fn walk(
         &self,
         theta: &Theta,
@@ -194,7 +195,7 @@ impl Recorder {
         };
         let left = self.on_gpu(gpu.as_ref(), &jobs, &begins, &take_all, cancel);
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
-        // One robot a thread: its logs differ in their beginnings, so each needs scripts of its own.
+        // Each thread simulates one robot: its logs differ in their beginnings, so each needs scripts of its own.
         let one = |robot: usize| {
             let begins = begins(robot);
             let scripts: Vec<Script> = self
@@ -270,7 +271,7 @@ impl Recorder {
         let first = script.commands.first().copied().unwrap_or_default();
         script.commands.splice(0..0, std::iter::repeat_n(first, *earlier));
         if let Some(&first) = script.motion.first() {
-            // The motion goes on at its pace, so before the log its time is earlier by a period a sample.
+            // The motion keeps its pace, so each sample before the log is one period earlier in the motion.
             let before = |k: usize| MotionPlace { time: first.time - (earlier - k) as f64 * period, ..first };
             script.motion.splice(0..0, (0..*earlier).map(before));
         }
@@ -331,7 +332,7 @@ impl Recorded {
         }
     }
 
-    /// `log` with what was recorded instead of what it holds, up to `margin` samples before a fall. `None` if no more than
+    /// Replaces the signals of `log` by the recorded ones, up to `margin` samples before a fall. `None` if no more than
     /// `min` samples are left.
     ///
     /// # Errors
@@ -351,7 +352,7 @@ impl Recorded {
         }
     }
 
-    /// `log` with what was recorded instead of what it holds.
+    /// Replaces the signals of `log` by the recorded ones.
     pub fn instead_of(self, log: &Trajectory) -> Trajectory {
         Trajectory {
             position: self.position,

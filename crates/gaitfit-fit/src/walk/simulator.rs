@@ -60,16 +60,16 @@ impl WalkSimulator {
         &self.scripts
     }
 
-    /// The simulator with the rows of `logs` that were lost and are filled. Short predictions of these rows and from them have the
-    /// log's values, so they cost nothing.
+    /// The simulator with the rows of `logs` that were lost and are filled. Short predictions of these rows and from
+    /// them have the log's values, so they cost nothing.
     pub fn with_filled(self, logs: &[Log]) -> Self {
         Self { filled: logs.iter().map(Filled::new).collect(), ..self }
     }
 
     /// Lets logs after the first `once` start near the start that their sensors show: with other joint angles and
     /// velocities, tilts, rates and speeds of the base. Each has `STARTS_NEAR` such starts; the draw of a simulation
-    /// chooses one. The start hardly changes how a robot walks after a second. If the robot is close to a fall, the start
-    /// decides whether it falls.
+    /// chooses one. The start hardly changes how a robot walks after a second. If the robot is close to a fall, the
+    /// start decides whether it falls.
     pub fn with_starts_near(mut self, once: usize) -> Self {
         self.identity.logs = once;
         let walker = &self.walking.task.walker;
@@ -201,8 +201,8 @@ impl Filled {
         Self { rows: log.filled.clone(), position, velocity }
     }
 
-    /// `track` with the log's own values in the filled rows, and in the `every` rows after each that are predicted from it.
-    /// `width`: joints of the track.
+    /// `track` with the log's own values in the filled rows, and in the `every` rows after each that are predicted from
+    /// it. `width`: joints of the track.
     fn instead(&self, track: &Track, width: usize, every: usize) -> Track {
         let mut track = track.clone();
         for &row in &self.rows {
@@ -304,8 +304,8 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
 }
 
-/// Rows of the policy's joints as rows of the model's joints. `others`: values of the joints that the policy does not move, in the
-/// model's order.
+/// Rows of the policy's joints as rows of the model's joints. `others`: values of the joints that the policy does not
+/// move, in the model's order.
 pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f32> {
     let rows = values.chunks_exact(walker.joints.len());
     let mut in_model = others.repeat(rows.len());
@@ -317,9 +317,9 @@ pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f
     in_model
 }
 
-/// The script of the simulated robot: the log's commands, from the log's first joint angles and velocities. The base has the
-/// orientation and rates of the log's inertial unit; without one it is in the task's posture and does not turn. Its linear
-/// velocity is 0, because no sensor measures it.
+/// The script of the simulated robot: the log's commands, from the log's first joint angles and velocities. The base
+/// has the orientation and rates of the log's inertial unit; without one it is in the task's posture and does not turn.
+/// Its linear velocity is 0, because no sensor measures it.
 pub fn script(walker: &Walker, log: &Trajectory) -> Script {
     let joints = walker.joints.len();
     let samples = log.len();
@@ -349,7 +349,7 @@ pub fn script(walker: &Walker, log: &Trajectory) -> Script {
             };
             (start, heading)
         }
-        // The robot faces along x all the same, and the motion that it follows was turned with the log's.
+        // The robot still faces along x. The motion that it follows was turned together with the log.
         None => (walker.start_from_joints(&angles, &velocities), first_heading(log)),
     };
     let motion = match &log.motion {
@@ -368,8 +368,8 @@ fn first_heading(log: &Trajectory) -> f64 {
     if heading.is_finite() { heading } else { 0.0 }
 }
 
-/// Orientation (turned to heading 0), body rates (rad/s) and heading (rad) at the log's first sample, if it has them and the
-/// base is nearly upright.
+/// Orientation (turned to heading 0), body rates (rad/s) and heading (rad) at the log's first sample, if it has them
+/// and the base is nearly upright.
 fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3], f64)> {
     let base = log.base.as_ref()?;
     let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);

@@ -1,4 +1,5 @@
-//! Springs and strengths of single joints, as legs in the air show them: in the model, in logs, and as numbers of a fit.
+//! Springs and strengths of single joints, as legs in the air show them: in the model, in logs, and as numbers of a
+//! fit.
 
 use super::findings::SwingFindings;
 use super::swing_numbers::SwingNumber;
@@ -12,8 +13,8 @@ use gaitfit_swing::{Effect, EffectKind, SwingReport, SwingSettings, Walk, estima
 /// Max number of times that logs are examined again with the springs and strengths that were found.
 const SINGLE_ROUNDS: usize = 4;
 
-/// Looks for springs and strengths of single joints in `findings`, which come from these walks, and examines the walks again
-/// with the largest one, until there are no more.
+/// Looks for springs and strengths of single joints in `findings`, which come from these walks, and examines the walks
+/// again with the largest one, until there are no more.
 pub fn examine(
     findings: &mut SwingFindings,
     model: &Model,
@@ -30,7 +31,8 @@ pub fn examine(
         // One at a time: a joint with a spring changes what its siblings seem to have.
         let more = findings.singles().max_by(|a, b| a.share.total_cmp(&b.share)).cloned();
         let Some(more) = more else { break };
-        // A strength changes the gains of the walks, a spring the model. The walks keep the strengths of earlier rounds.
+        // A strength changes the gains of the walks, a spring the model. The walks keep the strengths of earlier
+        // rounds.
         let joint = model.joints.iter().position(|joint| joint.name == more.of);
         if let Some(joint) = joint.filter(|_| more.kind == EffectKind::OddStrength) {
             walks.iter_mut().for_each(|walk| walk.scale_gains(joint, 1.0 + more.size.value));
@@ -44,14 +46,14 @@ pub fn examine(
         findings.swings = Some(report);
         findings.effects = findings.effects_of(&sprung, &walks, settings);
     }
-    // What the last round still shows of single joints is replaced by what was taken out step by step.
+    // The last round sees only the rest of these effects. The effects that the rounds took out one by one replace it.
     let is_single = |effect: &Effect| matches!(effect.kind, EffectKind::OddSpring | EffectKind::OddStrength);
     findings.effects.retain(|effect| !is_single(effect));
     findings.effects.extend(singles);
 }
 
-/// Settings for further examinations of the same logs: the clearance of the first one, the next lower and the next higher one. A
-/// spring does not change when feet touch the ground.
+/// Settings for further examinations of the same logs: the clearance of the first one, the next lower and the next
+/// higher one. A spring does not change when feet touch the ground.
 fn near(first: &SwingReport, settings: &SwingSettings) -> SwingSettings {
     let clearances = &settings.clearances_m;
     let place = clearances.iter().position(|&clearance| clearance >= first.clearance_m).unwrap_or_default();
@@ -83,7 +85,7 @@ fn torque_of(spring: &Effect) -> f64 {
     spring.size.value * spring.rest.unwrap_or_default()
 }
 
-/// `logs` with the gains that motors of other strengths have in effect.
+/// Copies `logs`, with gains scaled by the strength of each motor.
 pub fn with_strengths(logs: &[&Trajectory], singles: &[Effect]) -> Vec<Trajectory> {
     let mut logs: Vec<Trajectory> = logs.iter().map(|&log| log.clone()).collect();
     for strength in singles.iter().filter(|single| single.kind == EffectKind::OddStrength) {

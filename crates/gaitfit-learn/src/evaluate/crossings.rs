@@ -47,9 +47,9 @@ pub struct CrossingSummary {
     pub speed: Option<Estimate>,
 }
 
-/// Starts `robots` on every cell of the task's ground and tells each to walk straight ahead at `speed` (m/s), whichever way
-/// it faces, for three times as long as the way off the cell takes at that speed, and a second more. Results do not depend
-/// on the number of threads. Nothing on flat ground.
+/// Starts `robots` on every cell of the task's ground and tells each to walk straight ahead at `speed` (m/s), whichever
+/// way it faces, for three times as long as the way off the cell takes at that speed, and a second more. Results do not
+/// depend on the number of threads. Nothing on flat ground.
 ///
 /// # Errors
 /// A robot that cannot be, or the subject's `cancel`.
@@ -100,11 +100,11 @@ pub fn ground_place(position: &[f32]) -> [f64; 2] {
     [f64::from(position[0]), f64::from(position[1])]
 }
 
-/// `count` environments from number `first` on, spread over the cells of the task's ground, that are told to walk ahead at `speed`,
-/// m/s.
+/// Makes `count` environments, numbered from `first`, spread over the cells of the task's ground. Their command is to
+/// walk ahead at `speed`, m/s.
 ///
 /// # Errors
-/// A robot that cannot be.
+/// A robot that cannot be simulated.
 pub fn crossing_environment<'a>(
     subject: &Subject<'a>,
     first: u32,
@@ -151,8 +151,8 @@ impl<'a> CrossingRecorder<'a> {
         })
     }
 
-    /// Adds step number `step`, from 1: how each robot's episode stands, and where it is over the ground, m. Returns whether all
-    /// robots have left their cells or fallen. What a robot does afterwards does not count.
+    /// Adds step number `step`, from 1: how each robot's episode stands, and where it is over the ground, m. Returns
+    /// whether all robots have left their cells or fallen. What a robot does afterwards does not count.
     pub fn take(&mut self, step: u32, state: impl Fn(usize) -> (Ended, [f64; 2])) -> bool {
         let half = 0.5 * self.course.size();
         for (index, crossing) in

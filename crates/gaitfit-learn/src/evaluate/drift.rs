@@ -43,8 +43,8 @@ const TILE: usize = 256;
 /// trials). `robots` start with the task's own deviations. `speeds`: how fast, m/s, m/s and rad/s; half of the task's
 /// greatest commands without them.
 ///
-/// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis. Results do not depend on the
-/// number of threads.
+/// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis. Results do not
+/// depend on the number of threads.
 ///
 /// # Errors
 /// A robot that cannot be, or the subject's `cancel`.
@@ -89,7 +89,8 @@ fn record(
     Ok(recorder)
 }
 
-/// `count` robots from number `first` on that are told to stand, as each constant command begins.
+/// Makes `count` robots, numbered from `first`, under the command to stand, with which each constant-command trial
+/// begins.
 ///
 /// # Errors
 /// A robot that cannot be.
@@ -211,8 +212,8 @@ impl DriftRecorder {
         }
     }
 
-    /// Adds step number `step`: how each robot's episode stands, and its place (m) and heading (rad), as [`ground_pose`] gives them.
-    /// What a robot does after its fall does not count.
+    /// Adds step number `step`: how each robot's episode stands, and its place (m) and heading (rad), as
+    /// [`ground_pose`] gives them. What a robot does after its fall does not count.
     pub fn take(&mut self, step: u32, state: impl Fn(usize) -> (Ended, [f64; 3])) {
         let [begin, ..] = self.steps;
         for index in 0..self.robots() {
@@ -234,7 +235,8 @@ impl DriftRecorder {
         }
     }
 
-    /// Results of all commands. `recorders`: for each lot of robots, one recorder a command, in the order of [`Self::all`].
+    /// Results of all commands. `recorders`: for each lot of robots, one recorder a command, in the order of
+    /// [`Self::all`].
     pub fn joined(recorders: Vec<Self>) -> Vec<DriftTrial> {
         let mut whole: Vec<Self> = Vec::with_capacity(TRIALS);
         for (number, lot) in recorders.into_iter().enumerate() {

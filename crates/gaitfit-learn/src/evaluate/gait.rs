@@ -224,8 +224,8 @@ impl GaitRecord {
             let max = groups.iter().flatten().max().map_or(0, |max| max + 1);
             for group in 0..max {
                 let members = || row.iter().zip(groups).filter(|(_, g)| **g == Some(group)).map(|(c, _)| *c);
-                // All feet of the group on the ground; only some of them, which is no alternation; none, as of a group
-                // without feet.
+                // All feet of the group are on the ground; only some are, so groups do not alternate; or none is, as in
+                // a group without feet.
                 match (members().all(|c| c), members().any(|c| c)) {
                     (true, true) => full += 1,
                     (false, true) => mixed = true,

@@ -35,7 +35,8 @@ pub struct Trial {
     pub diverged: bool,
 }
 
-/// Means over trajectories. One that diverged counts as a fall, and in no other mean; without any left there are none.
+/// Means over trajectories. A trajectory that diverged counts as a fall and is left out of all other means. If all
+/// diverged, there are no other means.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrialSummary {
     /// Trajectories.
@@ -131,8 +132,8 @@ impl Trials {
         }
     }
 
-    /// Adds step number `step`, from 1: all actions, and of each robot its reward, how its episode stands, and its errors,
-    /// m/s and rad/s. What a robot does after its fall does not count.
+    /// Adds step number `step`, from 1: all actions, and of each robot its reward, how its episode stands, and its
+    /// errors, m/s and rad/s. What a robot does after its fall does not count.
     pub fn take(&mut self, step: u32, action: &[f32], state: impl Fn(usize) -> (f32, Ended, [f32; 2])) {
         let joints = self.joints;
         for (index, trial) in self.trials.iter_mut().enumerate() {

@@ -184,7 +184,7 @@ impl Samples {
                 return Err(SamplesError::Memory { tile, array, expected, found });
             }
             if let Some(&value) = memory.numbers().iter().find(|x| !x.is_finite()) {
-                // The place is not told: a memory belongs to the whole rollout.
+                // The error names no place, because a memory belongs to the whole rollout.
                 let (step, environment, element) = (0, 0, 0);
                 return Err(SamplesError::NotFinite { tile, array, step, environment, element, value });
             }

@@ -48,7 +48,7 @@ pub enum StateError {
         /// Its value.
         value: f64,
     },
-    /// Statistics of rows of another width, or there where the settings have none.
+    /// Statistics whose rows have another width, or statistics although the settings ask for none.
     #[error("the statistics `{0}` in the learner's state do not fit this learner's settings and rows")]
     Normaliser(&'static str),
 }

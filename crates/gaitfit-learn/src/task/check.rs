@@ -224,7 +224,7 @@ fn check_steps(settings: &TaskSettings) -> Result<(), TaskError> {
     Ok(())
 }
 
-/// Numbers from 0: sizes of what is drawn.
+/// Refuses sizes of random draws that are below 0.
 fn check_from_zero(settings: &TaskSettings) -> Result<(), TaskError> {
     let ranges = [
         ("start.joint_position", settings.start.joint_position),

@@ -1,4 +1,4 @@
-//! Why there is no task.
+//! Why settings do not give a task.
 
 use gaitfit_physics::PhysicsError;
 use gaitfit_policy::InterfaceError;

@@ -31,7 +31,7 @@ pub struct Snapshot {
 }
 
 impl Environment<'_> {
-    /// Environment `index` as it is; its `returns` are not known here.
+    /// The current state of environment `index`; its `returns` are not known here.
     ///
     /// # Panics
     /// If there is no such environment: an error of the caller.

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 const STRENGTHENED: f64 = 1.2;
 /// Part of a correction that counts as one standard deviation of its error.
 const SHARE: f64 = 0.2;
-/// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away may
-/// then be of the simulated logs alone.
+/// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away
+/// may then be of the simulated logs alone.
 const SHARE_WITHOUT_NOISE: f64 = 1.0;
 
 /// The correction of a fit by simulated logs.
@@ -65,14 +65,14 @@ impl Correction {
         self.corrected.iter().zip(&self.uncorrected).map(|(to, from)| to - from).collect()
     }
 
-    /// One standard deviation of what the correction misses as a whole: the simulated robot is not the real one.
+    /// Standard deviation of the correction's own error: the simulated robot is not the real one.
     pub(super) fn doubt(&self) -> Vec<f64> {
         let share = if self.torque_noise > 0.0 { SHARE } else { SHARE_WITHOUT_NOISE };
         self.by().into_iter().map(|by| share * by).collect()
     }
 
-    /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too, and
-    /// what noise weakens a correction strengthens.
+    /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too,
+    /// and what noise weakens a correction strengthens.
     pub(super) fn inflation(&self) -> f64 {
         // Simulated logs scatter like the real ones. A mean over R sets adds 1/R of their variance.
         STRENGTHENED * (1.0 + 1.0 / self.replicates.max(1) as f64).sqrt()

@@ -1,23 +1,24 @@
-//! Indirect inference (Gourieroux, Monfort and Renault 1993): what a fit is off by, from simulated logs.
+//! Indirect inference (Gourieroux, Monfort and Renault 1993): simulated logs show how far off a fit is.
 //!
-//! Short predictions start from what sensors read. Where motors do more than they are told, the next reading is not the
-//! predicted one, and the errors of readings and of predictions from them go together: dry friction comes out too low.
-//! A step longer than the robot's makes an error of its own. Both are the same in logs of a simulated robot whose values are
-//! known. So logs are simulated as the robot would have made them, and compared in the same way.
+//! Short predictions start from sensor readings. If motors also give torques that were not commanded (noise), the next
+//! reading differs from the prediction, and the errors of readings correlate with those of the predictions that start
+//! from them: the estimate of dry friction is too low. A physics step that is longer than the robot's causes a further
+//! error. Logs of a simulated robot with known values have the same two errors. So logs are simulated as the robot
+//! would have made them, and compared in the same way.
 //!
-//! The comparison is one Gauss–Newton step from where the fit ended: where a fit of these logs would end, near enough, as
-//! it begins close by. The values of the simulated robot are moved until its logs ask for the step that the
-//! real ones ask for, which is none if the search went to its end. The step is not limited by bounds: it says how far beyond
-//! a bound the logs pull, on which the correction of a value that rests on one depends.
+//! The comparison is one Gauss–Newton step from the end of the fit. A fit of the simulated logs would start close to
+//! its own end, so one step is nearly such a fit. The values of the simulated robot are changed until its logs give the
+//! same step as the real logs do (no step, if the search converged). Bounds do not limit the step: it shows how far
+//! beyond a bound the logs pull, and the correction of a value at a bound depends on that.
 //!
-//! How a fit answers to a change of the robot is learnt from all rounds ([`Response`]), for values that make up for each
-//! other are hard to tell apart. Rounds continue until what is missing is no more than the choice of noise moves it. Where fits
-//! answer weakly to some change of the robot, what a round misses says little of how far the robot is off that way: some
-//! rounds then go far along that change, to learn the answer.
+//! All rounds together show how a fit responds to a change of the robot ([`Response`]), because values that compensate
+//! each other are hard to separate. Rounds continue until the remaining difference is within the scatter of the noise.
+//! If fits respond weakly to some change of the robot, the remaining difference shows little about that change; some
+//! rounds then change the robot much in this direction, to measure the response.
 //!
-//! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
-//! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
-//! and does not count what happens in few samples, legs that hit each other for one.
+//! The noise of the simulated motors follows from the residual of the fit: it is chosen so that simulated logs have the
+//! same residual. The squared median of the residual is about affine in the square of the noise, and ignores rare
+//! events, for example legs that hit each other.
 
 use super::correction::{Correction, Round, mean};
 use super::normal::{Loss, Normal};
@@ -28,43 +29,44 @@ use super::uncertainty::{RIDGE, silent};
 use super::{Around, around, size};
 use crate::fit::FitError;
 
-/// Rounds of simulated logs, at least and at most: in each the values are moved by what the last one missed.
+/// Min and max number of rounds of simulated logs. Each round corrects the values by the difference that the last one
+/// left.
 const ROUNDS: [usize; 2] = [4, 8];
-/// Rounds end where each value misses at most so many standard deviations of the mean over a round's sets,
+/// Rounds end if each value is off by at most this many standard deviations of the mean over a round's sets,
 const MISSED: f64 = 2.5;
-/// or this part of an entry's deviation.
+/// or by at most this share of the entry's deviation.
 const SETTLED: f64 = 2e-3;
-/// The last rounds, those that went far left out, whose fits show the spread.
+/// Number of last rounds whose fits show the spread; rounds that went far are left out.
 const LAST: usize = 2;
-/// Rounds after which, if they have not settled, the next robot is moved along the change that fits answer least to, until an
-/// entry has moved by its deviation,
+/// If the values have not settled after these rounds, the next robot is changed in the direction to which fits respond
+/// least, until an entry has moved by its deviation,
 const FAR: [usize; 2] = [4, 6];
-/// if they answer with less than this part of it.
+/// provided that fits respond with less than this share of the change.
 const WEAK: f64 = 0.5;
-/// Rounds that measure the differences which a robot without noise leaves; later ones change them little.
+/// Number of rounds that measure the residual of a robot without noise; later rounds change it little.
 const MEASURED: usize = 2;
-/// Deviation of the torques of the first trial, N·m.
+/// Standard deviation of the torque noise in the first trial, N·m.
 const FIRST_NOISE: f64 = 1.0;
-/// Sets of logs that say what differences noise of no or of the first size leaves.
+/// Number of sets of logs that measure the residual without noise, and with the first trial's noise.
 const TRIALS: usize = 2;
-/// Least noise, as a part of the first trial's, from which the effect of noise is learnt.
+/// Smallest noise, as a share of the first trial's, that shows the effect of noise.
 const TELLING: f64 = 0.3;
-/// Steps that lead to where the slope of the loss ends.
+/// Max number of steps to the minimum of the loss.
 const FURTHER: usize = 3;
-/// They end with one shorter than this, in an entry's deviations.
+/// They end with a step that is shorter than this, in the entries' deviations.
 const SHORT: f64 = 2e-3;
-/// A step after which the loss is larger by this part is not taken.
+/// A step that increases the loss by more than this share is not taken.
 const RISE: f64 = 0.01;
-/// Most noise, N·m.
+/// Max torque noise, N·m.
 const MAX_NOISE: f64 = 30.0;
 
-/// Sets of logs that a correction simulates at most, with `replicates` a round.
+/// Max number of sets of logs that a correction simulates, with `replicates` sets a round.
 pub fn sets(replicates: u32) -> usize {
     ROUNDS[1] * replicates as usize + (MEASURED + 1) * TRIALS
 }
 
-/// The correction of `values`, which a search of least squares of `problem` found with its random draws, from `replicates`
-/// sets of simulated logs a round. `Ok(Err)`: why there is none, in a sentence.
+/// The correction of `values`, which a search of least squares of `problem` found with its random draws, from
+/// `replicates` sets of simulated logs a round. `Ok(Err)`: why there is no correction, in a sentence.
 ///
 /// # Errors
 /// [`FitError::Cancelled`], and what else keeps the fit's own simulator from simulating `values`.
@@ -274,8 +276,8 @@ impl Inference<'_> {
         moved.collect()
     }
 
-    /// A robot that is moved from `simulated` along the change that fits answer least to, on the way that the rounds went;
-    /// `None` if no answer is weak.
+    /// A robot that is moved from `simulated` along the change that fits answer least to, on the way that the rounds
+    /// went; `None` if no answer is weak.
     fn far(&self, simulated: &[f64], response: &Response) -> Option<Vec<f64>> {
         let (part, change) = response.weakest();
         if part >= WEAK {
@@ -315,8 +317,8 @@ impl Inference<'_> {
         self.ask(simulated, noise, Some(slope), numbers)
     }
 
-    /// The squared median of the differences that the values found leave of logs of the robot `simulated`, mean over some
-    /// sets.
+    /// The squared median of the differences that the values found leave of logs of the robot `simulated`, mean over
+    /// some sets.
     fn left(
         &self,
         simulated: &[f64],

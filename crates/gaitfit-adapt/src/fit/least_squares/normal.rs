@@ -1,11 +1,11 @@
 //! A robust loss and its normal equations.
 //!
-//! The loss is Huber's (1964): quadratic up to an elbow, linear beyond, so that a few samples in which the robot does what
-//! no candidate can, legs that hit each other for one, hardly count.
+//! The loss is Huber's (1964): quadratic up to an elbow, linear beyond, so that a few samples in which the robot does
+//! what no candidate can, legs that hit each other for one, hardly count.
 //!
 //! A foot that touches the ground in one candidate and not in its neighbour makes a derivative of any size, which says
-//! nothing. So each derivative is limited to what nine of ten of the same number reach: the bounded influence of Mallows
-//! (1975). Without it friction came out 10 to 45 % low on logs of another simulator.
+//! nothing. So each derivative is limited to what nine of ten of the same number reach: the bounded influence of
+//! Mallows (1975). Without it friction came out 10 to 45 % low on logs of another simulator.
 
 use super::residuals::Residuals;
 use gaitfit_sim::pool;
@@ -35,13 +35,13 @@ impl Loss {
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
     }
 
-    /// Of squares: every difference counts in full.
+    /// The loss of plain least squares: every difference counts in full.
     pub fn square() -> Self {
         Self { elbow: f64::INFINITY }
     }
 
-    /// The squared median of the absolute differences for which [`Self::new`] makes it: few differences of any size do not
-    /// change it.
+    /// The squared median of the absolute differences for which [`Self::new`] makes it: few differences of any size do
+    /// not change it.
     pub fn bulk(&self) -> f64 {
         (self.elbow / ELBOW).powi(2)
     }
@@ -138,7 +138,7 @@ pub(super) struct Normal {
 }
 
 impl Normal {
-    /// Of some samples `rows` of recording number `recording`.
+    /// The normal equations of the samples `rows` of recording number `recording`.
     pub fn new(
         jacobian: &Jacobian,
         residuals: &Residuals,

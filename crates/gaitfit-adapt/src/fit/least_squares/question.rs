@@ -1,5 +1,5 @@
-//! Questions to simulated logs for a correction, and their answers. Each set of logs answers alone, so that any process with the
-//! same robot can answer.
+//! Questions to simulated logs for a correction, and their answers. Each set of logs answers alone, so that any process
+//! with the same robot can answer.
 
 use super::around;
 use super::normal::{Loss, Normal};
@@ -21,13 +21,15 @@ pub struct Replicate {
 
 /// The robot, simulated as it makes logs.
 pub trait World {
-    /// Whether a value of `entry` means to the robot what it means to the fit. One that does not is left as it is.
+    /// Whether a value of `entry` means the same for the simulated robot as for the fit. Values that do not are left
+    /// unchanged.
     fn shares(&self, _entry: &Entry) -> bool {
         true
     }
 
-    /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose joints
-    /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
+    /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose
+    /// joints are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are no logs, in a
+    /// sentence.
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
 
     /// The answers of the sets of logs with these `numbers`, in order. By default the sets are made and compared here.
@@ -90,8 +92,8 @@ impl From<FitError> for Failure {
     }
 }
 
-/// Makes a set of logs for each of `numbers` and compares them as `question` asks: what [`World::ask`] does by default. Of
-/// `problem` the simulator and the cost are not looked at.
+/// Makes a set of logs for each of `numbers` and compares them as `question` asks: what [`World::ask`] does by default.
+/// Of `problem` the simulator and the cost are not looked at.
 ///
 /// # Errors
 /// Logs that cannot be made or compared.

@@ -64,8 +64,8 @@ impl Problem<'_> {
         Rollout { values: values.to_vec(), resets: self.cost.resets(), draw: self.draw }
     }
 
-    /// The derivatives of what `values` differ by, one column an entry of θ, where the simulator has them and all are
-    /// finite.
+    /// The derivatives of the residuals of `values`, one column for each entry of θ; `None` if the simulator has no
+    /// derivatives or some are not finite.
     ///
     /// # Errors
     /// As [`Self::residuals`].
@@ -117,8 +117,8 @@ impl Problem<'_> {
     }
 }
 
-/// The differences of the candidates of several problems with the same simulator and θ, all simulated together: a list for each
-/// problem, `None` for a candidate that diverged.
+/// The differences of the candidates of several problems with the same simulator and θ, all simulated together: a list
+/// for each problem, `None` for a candidate that diverged.
 ///
 /// # Errors
 /// As [`Problem::residuals`].

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 // Student's quantile is 2.07 for 23 degrees of freedom. Far fewer pieces would widen all intervals.
-/// Pieces that the logs are cut into, at least, as far as they have so many samples.
+/// Min number of pieces into which the logs are cut, if they have enough samples.
 const PIECES: usize = 24;
 /// Fewest samples of a piece, half a second at 50 Hz: what happens within belongs together.
 const MIN_SAMPLES: usize = 25;

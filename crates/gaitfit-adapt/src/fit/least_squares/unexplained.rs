@@ -1,10 +1,11 @@
-//! Errors that a fit leaves unexplained, how far they could have moved its values, and whether more parameters explain them.
+//! Errors that a fit leaves unexplained, how far they could have moved its values, and whether more parameters explain
+//! them.
 //!
-//! Noise of sensors forgets: an error says nothing of the next sample's. What a simulator lacks does not: its errors are
-//! alike from sample to sample. The second part of the errors, their covariance with the next sample's, could be the
-//! effect of wrong values that other wrong values hide. How far each entry would have to be off for all of it follows from
-//! the derivatives: √(S (JᵀJ)⁻¹ᵢᵢ), S the sum of squares of that part. It repeats with the motion, so that longer logs do
-//! not lessen it.
+//! Noise of sensors forgets: an error says nothing of the next sample's. What a simulator lacks does not: its errors
+//! are alike from sample to sample. The second part of the errors, their covariance with the next sample's, could be
+//! the effect of wrong values that other wrong values hide. How far each entry would have to be off for all of it
+//! follows from the derivatives: √(S (JᵀJ)⁻¹ᵢᵢ), S the sum of squares of that part. It repeats with the motion, so that
+//! longer logs do not lessen it.
 
 use super::normal::{Loss, Normal};
 use super::residuals::{Problem, Residuals};
@@ -18,10 +19,11 @@ use serde::{Deserialize, Serialize};
 pub struct Unexplained {
     /// Root mean square of all errors, where the robot's range is 2.
     pub error: f64,
-    /// Correlation of an error with that of the next sample, over all signals: 0 of noise, near 1 of what is lacking.
+    /// Correlation of an error with the next sample's error, over all signals: 0 for noise, near 1 if the simulator
+    /// lacks something.
     pub memory: f64,
-    /// How far each entry would be off if wrong values made all errors that are alike from sample to sample, in its unit;
-    /// `None` where the logs do not show it.
+    /// How far each entry would be off, in its unit, if it alone caused all correlated errors; `None` if the logs do
+    /// not show the entry.
     pub reach: Vec<Option<f64>>,
 }
 

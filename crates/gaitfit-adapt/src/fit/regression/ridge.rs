@@ -25,7 +25,7 @@ pub struct Robots {
 /// The values that a robot's logs show.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// Values: the mean of what groups of numbers say.
+    /// Values: the mean over the predictions of single groups of numbers.
     pub values: Vec<f64>,
     /// Values that all numbers together predict.
     pub together: Vec<f64>,
@@ -59,12 +59,12 @@ impl Robots {
         Self { values, logs }
     }
 
-    /// The values of the robot that made `logs`, whose numbers come in `groups`. `None` of too few robots, or if all their
-    /// logs are alike.
+    /// The values of the robot that made `logs`, whose numbers come in `groups`. `None` of too few robots, or if all
+    /// their logs are alike.
     ///
     /// Each group alone says the values, with an error that robots left out one by one show. A robot that is like the
-    /// simulated ones differs among groups by these errors; one that is not differs by more. The mean and its standard error
-    /// are those of a random-effects analysis (DerSimonian and Laird 1986), where the groups are the studies.
+    /// simulated ones differs among groups by these errors; one that is not differs by more. The mean and its standard
+    /// error are those of a random-effects analysis (DerSimonian and Laird 1986), where the groups are the studies.
     pub fn estimate(&self, logs: &[f64], groups: &[Range<usize>], threads: usize) -> Option<Estimate> {
         let entries = self.values.first().filter(|_| self.len() >= FEWEST)?.len();
         // All numbers together, then each group.
@@ -97,8 +97,8 @@ impl Robots {
     /// Predicts each value from the numbers in `range`, with the penalty that has the smallest leave-one-out error.
     /// `None` if the numbers are alike for all robots.
     ///
-    /// A ridge regression shrinks its predictions towards the mean. Leave-one-out predictions show by how much: their slope
-    /// on the true values is below 1. Predictions are divided by this slope if it is above [`MIN_SLOPE`].
+    /// A ridge regression shrinks its predictions towards the mean. Leave-one-out predictions show by how much: their
+    /// slope on the true values is below 1. Predictions are divided by this slope if it is above [`MIN_SLOPE`].
     fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Prediction>> {
         // In the dual form the matrix has one row a robot instead of one a number, of which there are far more.
         let (kernel, row) = Scaled::new(&self.logs, logs, range)?.kernel();
@@ -169,8 +169,8 @@ struct Prediction {
     left_out: Vec<f64>,
 }
 
-/// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their own
-/// errors (DerSimonian and Laird 1986).
+/// Mean of the groups' predictions, its standard error, and the standard deviation by which they disagree besides their
+/// own errors (DerSimonian and Laird 1986).
 fn mean(said: &[&Prediction]) -> (f64, f64, f64) {
     // An error of 0 would have all the weight.
     let min = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
@@ -230,8 +230,8 @@ impl Scaled {
 mod tests {
     use super::*;
 
-    /// Two groups with errors 1 and 3 apart: spread 4.5 over one degree, (4.5 − 1) / (2 − 1) besides, so the mean's error is
-    /// √(4.5 / 2).
+    /// Two groups with errors 1 and 3 apart: spread 4.5 over one degree, (4.5 − 1) / (2 − 1) besides, so the mean's
+    /// error is √(4.5 / 2).
     #[test]
     fn groups_that_disagree_have_a_larger_error_by_hand() {
         let combined = |values: [f64; 2]| {

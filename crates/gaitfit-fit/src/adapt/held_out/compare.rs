@@ -19,19 +19,20 @@ use std::sync::Arc;
 /// Number of times that halves are drawn, and the fewest blocks that halves are drawn of.
 const DRAWS: u32 = 100;
 const MIN_BLOCKS: usize = 8;
-/// Simulations of the walks, each with other random draws. A walk amplifies the smallest differences, so one simulation of 12 walks
-/// of a real Go2 lies 10 % above or below the next one of the same robot. Eight leave a third of that.
+/// Simulations of the walks, each with other random draws. A walk amplifies the smallest differences, so one simulation
+/// of 12 walks of a real Go2 lies 10 % above or below the next one of the same robot. Eight leave a third of that.
 const SIMULATIONS: usize = 8;
 /// Seed of the draws.
 const SEED: u64 = 15;
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
 /// robot after and before the fit; beside it stands what θ changes of it. `fitted_logs`: other logs of the robot, among
-/// which trials of the same commands are looked for. `done` is called with 1 after each simulation; there are at most twice as
-/// many as [`simulations`] says.
+/// which trials of the same commands are looked for. `done` is called with 1 after each simulation; there are at most
+/// twice as many as [`simulations`] says.
 ///
 /// # Errors
-/// A simulation that cannot be made; `Interrupted` if `cancel` asks to stop. Logs that cannot be compared in this way (constant joints) give none.
+/// A simulation that cannot be made; `Interrupted` if `cancel` asks to stop. Logs that cannot be compared in this way
+/// (constant joints) give none.
 pub fn held_out(
     config: &AdaptConfig,
     method: &Method,
@@ -126,8 +127,8 @@ struct Block {
     end: usize,
 }
 
-/// The blocks of logs of so many samples, of which the first `skip` do not count; the last block of a log takes what
-/// is left.
+/// Cuts logs with these numbers of samples into blocks of `length` samples. The first `skip` samples of each log do not
+/// count; the last block of a log also takes the remaining samples.
 fn blocks(samples: impl Iterator<Item = usize>, skip: usize, length: usize) -> Vec<Block> {
     let mut blocks = Vec::new();
     for (log, samples) in samples.enumerate() {
@@ -176,8 +177,8 @@ fn recorded(log: &Log, joints: &[String]) -> Option<Predicted> {
     })
 }
 
-/// Held-out logs beside other trials of their commands. `recorded` and `after`: the held-out logs and the simulations of the
-/// fitted robot's walks; `skip`: the samples that do not count.
+/// Held-out logs beside other trials of their commands. `recorded` and `after`: the held-out logs and the simulations
+/// of the fitted robot's walks; `skip`: the samples that do not count.
 fn trials(
     set: &LogSet,
     others: &[Log],
@@ -207,7 +208,8 @@ fn trials(
         let each = all.iter().map(|&log| one(log)).collect::<Option<Vec<f64>>>()?;
         Some([pooled, stats::mean(&each)?])
     };
-    // Each simulation alone: the other trial is a single one, and several pooled together would have less noise than it.
+    // Each simulation alone: the other trial is a single one, and several pooled together would have less noise than
+    // it.
     let walked = after.iter().map(|walks| distances(&paired(walks)?)).collect::<Option<Vec<_>>>()?;
     let fitted = |number: usize| stats::mean(&walked.iter().map(|walk| walk[number]).collect::<Vec<_>>());
     Some(Trials { pairs: pairs.len(), itself: distances(&other)?, fitted: [fitted(0)?, fitted(1)?] })
@@ -252,7 +254,8 @@ fn chosen_blocks(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Opt
     accumulator.finish().ok()
 }
 
-/// The cost of all blocks of all simulations together, as the search pools its simulations of a log; `None` if one diverged.
+/// The cost of all blocks of all simulations together, as the search pools its simulations of a log; `None` if one
+/// diverged.
 fn pooled(cost: &dyn Cost, walks: &[Vec<Predicted>]) -> Option<Breakdown> {
     let mut accumulator = cost.begin();
     for walk in walks {
@@ -288,8 +291,10 @@ fn halves(draw: u32, logs: &[usize]) -> (Vec<usize>, Vec<usize>) {
     (blocks(one), blocks(other))
 }
 
-/// One half of the robot's blocks against the other half, and the simulated robot's against the same; and the draws. `logs`: the
-/// log of each block. Each draw takes the next simulation in turn: one alone, because a half of the robot's blocks is no more.
+/// How far the robot is from itself: one half of its blocks is compared with the other half, in many draws. The
+/// simulated robot's blocks are compared with the same halves. Also returns each draw of the robot's own. `logs`: the
+/// log of each block. Each draw takes the next single simulation in turn, because a half of the robot's blocks has no
+/// more data than that.
 fn floor(
     cost: &dyn Cost,
     recorded: &[Predicted],

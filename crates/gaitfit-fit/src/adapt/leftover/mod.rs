@@ -1,8 +1,9 @@
 //! What a clamped robot's fit leaves unexplained, and which other parameters would explain it.
 //!
 //! A fit of few parameters finds the values that serve its errors best, whatever is wrong with the logs: gains that are
-//! stated twice too large come out as armature and friction. So the errors are tested for memory, which noise of sensors
-//! does not have, and a few other parameters are fitted besides, to see whether they explain the rest much better.
+//! stated twice too large come out as armature and friction. So the errors are tested for memory, which noise of
+//! sensors does not have, and a few other parameters are fitted besides, to see whether they explain the rest much
+//! better.
 
 mod seldom;
 mod step;
@@ -23,19 +24,22 @@ use serde::{Deserialize, Serialize};
 use step::finer;
 use suspects::{STEPS, TOLERANCE, better, suspicions};
 
-/// From this correlation between an error and that of the next sample on, a simulator lacks something. Simulated robots that
-/// differ only in what is fitted have 0.06, with encoders of 20 mrad 0.08, with lost rows 0.22; a real Go2 has 0.76, logs with
-/// wrong gains or filtered velocities have 0.99.
+/// A simulator lacks something if the correlation between an error and the next sample's error is at least this.
+/// Simulated robots that differ only in fitted parameters have 0.06, with encoders of 20 mrad 0.08, with lost rows
+/// 0.22; a real Go2 has 0.76, logs with wrong gains or filtered velocities have 0.99.
 const REMEMBERS: f64 = 0.3;
-/// Errors below this, where the robot's range is 2, are what two simulators of one robot differ by: their memory is no doubt. An
-/// A1 that MuJoCo simulates without any noise, with steps of another length, leaves 0.0018; all its values are then within 2 %.
+/// Two simulators of the same robot differ by errors below this (in units in which the robot's range is 2), so a
+/// correlation of such small errors is no reason for doubt. An A1 that MuJoCo simulates without any noise, with steps
+/// of another length, leaves 0.0018; all its values are then within 2 %.
 const QUIET: f64 = 2.5e-3;
-/// Part of the reach of the unexplained errors by which intervals widen: what wrong values make of errors is hidden, and taken
-/// to be as much as what is seen. With filtered sensors values were off by up to 0.74 of the reach (`tools/mutate_logs.py`).
+/// Intervals widen by this share of the reach of the unexplained errors. Wrong values hide a part of the errors; this
+/// part is assumed to be as large as the visible one. With filtered sensors values were off by up to 0.74 of the reach
+/// (`tools/mutate_logs.py`).
 const HIDDEN: f64 = 1.0;
-/// It shows that the fit is wrong if it lowers the cost to this part.
+/// A suspect that lowers the cost to this share shows that the fit is wrong.
 const PROVEN: f64 = 0.5;
-/// Part of the way to a suspect's values by which intervals reach beyond them: it explains the errors roughly.
+/// Intervals reach beyond a suspect's values by this share of the way to them, because a suspect explains the errors
+/// only roughly.
 const FURTHER: f64 = 0.25;
 
 /// Errors that a fit leaves, and their likely cause.
@@ -43,18 +47,19 @@ const FURTHER: f64 = 0.25;
 pub struct Leftover {
     /// Root mean square of the errors of free simulations, where the robot's range is 2.
     pub error: f64,
-    /// Correlation of an error with that of the next sample: 0 of noise, near 1 of what the simulator lacks.
+    /// Correlation of an error with the next sample's error: 0 for noise, near 1 if the simulator lacks something.
     pub memory: f64,
-    /// Error of each parameter if it made all errors that are alike from sample to sample, in its unit; absent
-    /// where the logs do not show it.
+    /// How far off each parameter would be, in its unit, if it alone caused all correlated errors; absent if the logs
+    /// do not show the parameter.
     pub reach: Vec<Option<f64>>,
     /// Values at which least squares ends if it continues from the fit. The other numbers belong to these values.
     pub end: Vec<f64>,
     /// The cost there.
     pub cost: f64,
-    /// Whether the intervals knew nothing but noise: those of least squares, which know no error of the simulator itself.
+    /// Whether the intervals contain noise alone, as those of least squares do. They assume that the simulator has no
+    /// errors.
     pub noise_alone: bool,
-    /// The motions that errors of velocities go with; absent where the errors forget.
+    /// The motions with which errors of velocities correlate; absent if successive errors are not correlated.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub audit: Option<Audit>,
     /// The suspect that explains most of the errors, if one explains enough.
@@ -63,7 +68,7 @@ pub struct Leftover {
 }
 
 impl Leftover {
-    /// Whether the errors are no noise.
+    /// Whether the errors are more than noise.
     pub(super) fn remembers(&self) -> bool {
         self.memory > REMEMBERS && self.error > QUIET
     }
@@ -204,8 +209,8 @@ mod tests {
 
     const TRUTH: [f64; 10] = [0.21, 0.17, 0.62, 0.015, 0.019, 0.047, 0.19, 0.22, 0.31, 0.007];
 
-    /// What is left of the first seconds of the demo's log, header and rows changed by `edit`, where the parameters have
-    /// their true values.
+    /// What is left of the first seconds of the demo's log, header and rows changed by `edit`, where the parameters
+    /// have their true values.
     fn left(edit: impl Fn(&str) -> String, delay: bool) -> Leftover {
         let setup = setup(edit, delay, &[]);
         leftover(&setup, 0, &TRUTH[..setup.theta.len()], 1.0, false, &gaitfit_adapt::never).unwrap().unwrap()
@@ -323,7 +328,8 @@ mod tests {
         assert!(left.doubt().unwrap().text.contains("kind \"delay\""));
     }
 
-    /// A log whose cells from number `from` on, twelve of them, are `change`d from row to row; each has the row's before.
+    /// A log whose cells from number `from` on, twelve of them, are `change`d from row to row; each has the row's
+    /// before.
     fn cells(from: usize, change: impl Fn(&[f64], &[f64]) -> Vec<f64>) -> impl Fn(&str) -> String {
         let before = std::cell::RefCell::new(Vec::<f64>::new());
         move |line: &str| {

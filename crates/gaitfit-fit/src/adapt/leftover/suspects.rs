@@ -1,4 +1,4 @@
-//! Parameters that were not fitted, fitted besides: do they explain what a fit leaves?
+//! Fits parameters that the fit did not have, to see whether they explain its remaining errors.
 
 use crate::Error;
 use crate::adapt::setup::Setup;
@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 pub(super) const STEPS: usize = 20;
 /// Step at which they end, in deviations.
 pub(super) const TOLERANCE: f64 = 1e-3;
-/// A suspect is named if it lowers the cost to this part. Other gains lower that of a real Go2 to 0.84.
+/// A suspect is named if it lowers the cost to this share. On a real Go2 other gains lower it to 0.84.
 const NAMED: f64 = 0.7;
-/// It is named instead of a simpler one if its cost is this part of the other's.
+/// It replaces a simpler suspect if its cost is at most this share of the simpler one's.
 const BETTER: f64 = 0.8;
 /// Values that a doubt shows.
 const SHOWN: usize = 6;
@@ -44,7 +44,8 @@ impl Suspect {
     }
 }
 
-/// The one that explains more, of those that explain enough of what a fit of cost `min` leaves.
+/// `other`, if it lowers the cost enough below `first`'s, or below `min`, the cost of the fit, if there is no `first`;
+/// else `first`.
 pub(super) fn better(first: Option<Suspect>, other: Suspect, min: f64) -> Option<Suspect> {
     let limit = first.as_ref().map_or(NAMED * min, |one| BETTER * one.cost);
     if other.cost < limit { Some(other) } else { first }
@@ -103,7 +104,7 @@ pub(super) fn suspicions(setup: &Setup) -> Vec<Suspicion> {
     ];
     let fitted_number = |kind: RobotNumber| setup.config.number.iter().any(|rule| rule.kind == kind);
     let fitted = |kind: JointParameter| setup.config.parameter.iter().any(|rule| rule.kind == kind);
-    // Only parameters that the fit does not have can explain what it leaves.
+    // Only parameters that the fit does not have can explain its remaining errors.
     let open = |mut one: Suspicion| {
         one.rules.retain(|rule| !fitted(rule.kind));
         one.numbers.retain(|rule| !fitted_number(rule.kind));

@@ -18,7 +18,7 @@ pub struct Helper {
     with_springs: Mutex<Option<(Vec<String>, Theta)>>,
 }
 
-/// The bits of what the robot costs where the search begins, with every cost.
+/// The bits of every cost at the start of the search, as text. Machines whose marks differ compute other bits.
 pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
     // Seed 0 and draw 0 on every machine: two marks differ only if their arithmetic does.
     let job = |cost: usize| Job { cost, values: setup.theta.start(0), draw: 0 };
@@ -34,10 +34,10 @@ pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
 }
 
 impl Helper {
-    /// Opens what [`Setup::parcel`] made; `policy` as of [`Opening::policy`].
+    /// Opens what [`Setup::parcel`] made; `policy`: as in [`Opening::policy`].
     ///
     /// # Errors
-    /// Bytes that are none, and as [`Opening::open`].
+    /// Bytes that are not a parcel, and the errors of [`Opening::open`].
     pub fn open(
         parcel: &[u8],
         threads: usize,

@@ -27,7 +27,7 @@ impl Shared {
         pieces(count, self.local.recordings(), self.shares.crew.places())
     }
 
-    /// Whether work of so many pieces is done here.
+    /// Whether work of this many pieces is done on this machine instead of the crew's.
     fn stays(&self, pieces: usize) -> bool {
         // With other bits even one piece goes to the crew, so that all costs of a fit are comparable.
         pieces < 2 && self.shares.crew.alike()

@@ -19,9 +19,9 @@ pub(super) struct Task {
 /// Meaning of a candidate's values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) enum Values {
-    /// There are none: the robot is as before the fit.
+    /// The candidate has no values: it is the robot before the fit.
     None,
-    /// Those of the fit's θ, with springs on these joints besides.
+    /// Values of the fit's θ, and of springs on these joints.
     Fitted { springs: Vec<String> },
 }
 
@@ -44,7 +44,7 @@ pub(super) enum Work {
 pub(super) enum Answered {
     /// The comparison.
     Compared(Comparison),
-    /// Why there is none.
+    /// Why there is no comparison.
     Said(String),
 }
 
@@ -56,8 +56,8 @@ impl Task {
 }
 
 impl Values {
-    /// The values of `theta`. `entries`: names of the fit's own entries. `theta` may have more entries: they are springs of
-    /// single joints.
+    /// The values of `theta`. `entries`: names of the fit's own entries. `theta` may have more entries: they are
+    /// springs of single joints.
     pub fn new(theta: &Theta, entries: &[String]) -> Self {
         // The robot before the fit is simulated with an empty θ.
         if theta.is_empty() {

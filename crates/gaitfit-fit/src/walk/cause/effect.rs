@@ -1,22 +1,24 @@
-//! The cause behind an effect of joints or ground: one function a kind, with the limits that it must pass and its sentence.
+//! The cause behind an effect of joints or ground: one function a kind, with the limits that it must pass and its
+//! sentence.
 
 use super::{Cause, CauseKind, matters};
 use gaitfit_log::Estimate;
 use gaitfit_swing::{Effect, EffectKind, SwingReport};
 
-/// Standard errors from which on a size is sure. Effects of joints are many, so theirs must be surer.
+/// The size of an effect is sure if it is this many standard errors from 0. There are many effects of joints, so each
+/// of them needs more (`SURER`).
 const SURE: f64 = 4.0;
 const SURER: f64 = 8.0;
-/// Parts of what is left that an effect must explain.
+/// Shares of the residual that an effect must explain.
 const OF_SWINGS: f64 = 0.1;
 const OF_ONE_JOINT: f64 = 0.08;
 const OF_HEIGHTS: f64 = 0.3;
-/// Play explains little of the heights.
+/// Play must explain less, because it changes the heights of feet little.
 const OF_PLAY: f64 = 0.02;
-/// Joints with much play respond less to their motors in swings than their masses imply: by this part of the torque, which
-/// explains this part of what swings leave.
+/// Joints with much play respond less to their motors in swings than their masses imply: by this share of the torque.
+/// This explains at least the second share of the swings' residual.
 const SLACK: [f64; 2] = [-0.25, 0.25];
-/// Play above this is no play, rad.
+/// A larger estimate of play has another cause, rad.
 const MAX_PLAY: f64 = 0.1;
 /// Max friction under load of a gear, N·m for each N·m. A larger estimate has another cause.
 const MAX_LOAD_FRICTION: f64 = 0.4;
@@ -34,8 +36,8 @@ struct Named {
     text: String,
 }
 
-/// The cause that an effect shows; absent if it is not sure, explains little, is small, or has another reason. `swings`: estimates
-/// of joints from legs in the air.
+/// The cause that an effect shows; absent if it is not sure, explains little, is small, or has another reason.
+/// `swings`: estimates of joints from legs in the air.
 pub fn of_effect(effect: &Effect, swings: Option<&SwingReport>) -> Option<Cause> {
     let named = match effect.kind {
         EffectKind::LoadFriction => load_friction(effect),
@@ -86,8 +88,8 @@ fn percent(effect: &Effect) -> f64 {
     100.0 * effect.share
 }
 
-/// How much of the residual of a signal the effect explains, as the end of a sentence. The part belongs to the whole size, so it
-/// is left out of a comparison.
+/// How much of the residual of a signal the effect explains, as the end of a sentence. The part belongs to the whole
+/// size, so it is left out of a comparison.
 fn explains(effect: &Effect, signal: &str) -> String {
     match effect.without {
         Some(_) => String::new(),
@@ -127,7 +129,8 @@ fn elasticity(effect: &Effect) -> Option<Named> {
     Some(Named { kind: CauseKind::Elasticity, unit: "rad/(N·m)", matters: matters::TWIST, text })
 }
 
-/// Play as heights of standing feet show it. Without simulated robots, it cannot be told from the geometry of standing legs.
+/// Play as heights of standing feet show it. Without simulated robots, it cannot be told from the geometry of standing
+/// legs.
 fn play_of_stances(effect: &Effect) -> Option<Named> {
     let Estimate { value, error } = effect.beyond();
     effect.without?;

@@ -1,11 +1,11 @@
-//! Why a text is no expression.
+//! Errors in the text of an expression.
 
 use gaitfit_model::shown;
 
 use super::operator::Function;
 use super::quantity::Quantity;
 
-/// Why a text is no expression, and where.
+/// What is wrong in the text of an expression, and where.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{}` is wrong at character {column}: {problem}", shown(text))]
 pub struct ExpressionError {
@@ -29,7 +29,7 @@ pub enum Problem {
     /// A character that means nothing.
     #[error("`{0}` means nothing here")]
     Character(String),
-    /// A number that is none, or not finite.
+    /// A number that cannot be read or is not finite.
     #[error("`{}` is no number", shown(.0))]
     Number(String),
     /// Something else must be here.
@@ -58,7 +58,7 @@ pub enum Problem {
         /// Its elements, or those that are most like it.
         names: Vec<String>,
     },
-    /// A pattern that is none.
+    /// A pattern that cannot be read.
     #[error("{0}")]
     Pattern(String),
     /// A single number has no elements.

@@ -81,9 +81,9 @@ pub enum Two {
     Divide,
     /// aᵇ.
     Power,
-    /// The smaller; not a number if one of them is none.
+    /// The smaller of two; NaN if one of them is NaN.
     Min,
-    /// The larger; not a number if one of them is none.
+    /// The larger of two; NaN if one of them is NaN.
     Max,
     /// a < b.
     Less,
@@ -224,7 +224,7 @@ fn onto(to: &mut [f32], x: &[f32], value: impl Fn(f32, f32) -> f32) {
 /// Functions that a name before brackets calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Function {
-    /// Of one value.
+    /// A function of one value.
     One(One),
     /// A function of a row; `min` and `max` also of two values.
     Fold(FoldKind),

@@ -11,7 +11,7 @@ use crate::task::{Foot, Moment, Task, TaskSettings};
 pub struct Names<'a> {
     /// The robot's joints, in its order.
     pub joints: Vec<&'a str>,
-    /// Those of `joints` whose targets are velocities, by place: their angles are no pose.
+    /// Those of `joints` whose targets are velocities, by place: their angles are not part of a pose.
     pub velocity_joints: Vec<usize>,
     /// The policy's joints, in its order.
     pub actions: Vec<&'a str>,
@@ -49,7 +49,7 @@ pub enum Elements {
 }
 
 impl Elements {
-    /// Their names; a single number has none.
+    /// The elements' names; a single number has no names.
     pub fn names<'a>(self, names: &Names<'a>) -> Vec<&'a str> {
         match self {
             Self::None => Vec::new(),
@@ -63,8 +63,8 @@ impl Elements {
 }
 
 impl Quantity {
-    /// Places of the quantity's numbers where an expression picks none. Angles are those of joints with position targets:
-    /// wheels turn without end.
+    /// Places of the quantity's numbers where an expression picks none. Angles are those of joints with position
+    /// targets: wheels turn without end.
     pub(super) fn places(self, names: &Names<'_>) -> Vec<usize> {
         let angles = matches!(self, Self::Qpos | Self::DefaultPose | Self::Target);
         let count = match self.elements() {
@@ -75,10 +75,10 @@ impl Quantity {
     }
 }
 
-/// Places of the `names` that a pattern covers: globs as for joints, or a name as it is.
+/// Places of the `names` that a pattern covers. A pattern is a glob, as for joints, or a whole name.
 pub(super) fn covered(pattern: &str, names: &[&str]) -> Result<Vec<usize>, PatternError> {
     let glob = Pattern::new(pattern)?;
-    // A name may hold signs that a pattern gives a meaning, so it also counts as it is written.
+    // A name may contain characters that are special in a pattern, so equal text also counts.
     Ok((0..names.len()).filter(|&k| names[k] == pattern || glob.covers(names[k])).collect())
 }
 
@@ -117,7 +117,8 @@ macro_rules! quantities {
                 }
             }
 
-            /// Writes number `place` of each moment into the first places of `lane`; not a number where there is none.
+            /// Writes number `place` of each moment into the first places of `lane`; NaN for moments without this
+            /// number.
             pub(super) fn load(self, moments: &[Moment<'_>], place: usize, lane: &mut [f32]) {
                 match self {
                     $(Self::$variant => {

@@ -137,13 +137,14 @@ impl Course {
         [x + off(1), y + off(2)]
     }
 
-    /// The level of the first episode of `environment`, or of one that begins at `step` where there is no curriculum.
+    /// The random level of the first episode of `environment`; without a curriculum, of any episode, which begins at
+    /// `step`.
     pub(in crate::task) fn drawn_level(&self, seed: u64, environment: u32, step: u32) -> usize {
         any(self.drawn_levels(), seed, environment, step)
     }
 
-    /// The level of the episode of `environment` that begins at `step`, after one that went like `way` and ended at x, y
-    /// (m), by a fall or otherwise.
+    /// The level of the episode of `environment` that begins at `step`, after one that went like `way` and ended at x,
+    /// y (m), by a fall or otherwise.
     pub(in crate::task) fn next_level(
         &self,
         way: &Way,
@@ -210,7 +211,7 @@ impl Way {
         [self.level as f32, self.walked, self.commanded]
     }
 
-    /// The way of these numbers on ground of `levels`; `None` if there is no such level.
+    /// Reads a way from its saved numbers, on ground with `levels` levels; `None` if its level does not exist.
     pub fn from_numbers(&[level, walked, commanded]: &[f32; 3], levels: usize) -> Option<Self> {
         // The level was saved as a float among others: a damaged one need not be a whole number.
         let known = level >= 0.0 && level.fract() == 0.0 && (level as usize) < levels;
