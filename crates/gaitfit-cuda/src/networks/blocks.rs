@@ -5,6 +5,9 @@ const THREADS_OF_GROUP: u32 = 128;
 /// Max number of threads of a block, in groups.
 const MAX_GROUPS: usize = 4;
 
+/// Max number of full blocks of a multiprocessor whose threads take 8 robots instead of 16.
+const MAX_SMALLER: usize = 4;
+
 /// Robots of a block and of a thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Blocks {
@@ -25,8 +28,13 @@ impl Blocks {
     /// For so many robots on a GPU with so many multiprocessors: one wave of blocks, if it can be.
     pub fn new(robots: usize, processors: usize) -> Self {
         let rows = robots.div_ceil(processors).next_multiple_of(4).clamp(4, Self::MAX_ROWS);
-        // Few robots want many threads; of many, threads that read each weight for several of them.
-        let group = if robots > Self::MAX_ROWS * processors { rows } else { 4 };
+        // Few robots want many threads; of many, threads that read each weight for several of them. On an H200 groups of 8
+        // are a sixth faster with 6,144 robots, and those of 16 with 12,288.
+        let group = match robots.div_ceil(Self::MAX_ROWS * processors) {
+            ..=1 => 4,
+            2..=MAX_SMALLER => rows.min(8),
+            _ => rows,
+        };
         Self { rows, group }
     }
 

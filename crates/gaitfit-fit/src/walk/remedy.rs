@@ -145,6 +145,13 @@ impl Remedies {
             rule.resolve();
             config.number.push(rule);
         }
+        // Soft ground looks like the model's soft feet, so the search begins with these, not with firm feet.
+        if self.number.iter().any(|rule| rule.kind == RobotNumber::GroundSoftness) {
+            let usual = Some(RobotNumber::GroundImpedance.defaults().start);
+            let of_feet =
+                |rule: &&mut RobotRule| rule.kind == RobotNumber::GroundImpedance && rule.start == usual;
+            config.number.iter_mut().filter(of_feet).for_each(|rule| rule.start = Some(0.0));
+        }
         for (group, _) in &self.split_groups {
             split(config, group, joints);
         }

@@ -109,7 +109,7 @@ pub(super) fn searches_distributions(own: &DeTable<'_>) -> bool {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
-    use crate::settings::{AdaptConfig, Base, DEFAULTS, load};
+    use crate::settings::{AdaptConfig, Base, DEFAULTS, LoopConfig, load};
     use gaitfit_adapt::cost::CostKind;
     use gaitfit_adapt::{JointParameter, RobotNumber};
     use std::io::Write;
@@ -138,6 +138,14 @@ mod tests {
         assert!(settings.optimizer.patience > 0 && settings.optimizer.population > 0);
         assert_eq!(read("base = \"free\"\n").parameter, settings.parameter);
         assert_eq!(read("base = \"fixed\"\npolicy = \"p\"\n").base, Base::Fixed, "what a file has stays");
+    }
+
+    /// The two lists of defaults stand in files that users read, so each is written out.
+    #[test]
+    fn loops_fit_what_fits_of_walks_fit() {
+        let of_loop = load::<LoopConfig>(None, &[]).unwrap().adapt;
+        let of_fit = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
+        assert_eq!((of_loop.parameter, of_loop.number), (of_fit.parameter, of_fit.number));
     }
 
     #[test]
