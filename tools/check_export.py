@@ -71,8 +71,9 @@ def main():
             data.ctrl[motors] = row
         for _ in range(SUBSTEPS):
             if given["drive"]:
-                data.qfrc_applied[speed] = controller.torque(data.qpos[place], data.qvel[speed])
-                load_theta.stribeck(model, data, theta)
+                torque = controller.torque(data.qpos[place], data.qvel[speed])
+                data.qfrc_applied[speed] = torque
+                load_theta.stribeck(model, data, theta, torque)
             mujoco.mj_step(model, data)
         found.append(data.qpos[place] + bias)
     error = np.array(found) - wanted

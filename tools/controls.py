@@ -74,8 +74,9 @@ def truth(name):
     add("torque_scale", "torque_scale", robot.get("strength", 1.0), "-", every)
     for spring in robot.get("spring", []):
         stiffness = spring["stiffness"]
-        add("stiffness", "stiffness", stiffness, "N·m/rad", [spring["joint"]])
-        add("spring_torque", "spring_torque", stiffness * spring["angle"], "N·m", [spring["joint"]])
+        add(f"stiffness_{spring['joint']}", "stiffness", stiffness, "N·m/rad", [spring["joint"]])
+        torque = stiffness * spring["angle"]
+        add(f"spring_torque_{spring['joint']}", "spring_torque", torque, "N·m", [spring["joint"]])
     load = robot.get("payload", {})
     add("payload_mass", "payload_mass", load.get("mass", 0.0), "kg")
     for axis in "xyz":

@@ -181,6 +181,10 @@ fn what_does_not_fit_is_named() {
     assert_eq!(ThetaFile::parse("format = 3").unwrap_err(), ThetaFileError::Format(3));
     let error = ThetaFile::parse("format = 1\n[[parameter]]\nname = \"a\"\nkind = 3\n").unwrap_err();
     assert!(error.to_string().contains("line 4"), "{error}");
+    let one = |kind: &str| format!("[[parameter]]\nname = \"a\"\nkind = \"{kind}\"\nvalue = 0.1\n");
+    let twice = format!("format = 2\n{}{}", one("base_mass"), one("torque_noise"));
+    let error = ThetaFile::parse(&twice).unwrap_err();
+    assert!(error.to_string().contains("two parameters are called `a`"), "{error}");
 }
 
 #[test]

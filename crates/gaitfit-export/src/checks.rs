@@ -11,8 +11,8 @@ use std::path::Path;
 /// Largest gain, N·m/rad or N·m·s/rad.
 const MAX_GAIN: f64 = 1e6;
 
-/// Refuses intervals that are none, and units that are not those of the numbers: the values would be taken for something
-/// else.
+/// Refuses intervals that are none, bases without mass, and units that are not those of the numbers: the values would be
+/// taken for something else.
 pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result<(), Error> {
     let refuse = |parameter: &SavedParameter, what: String| {
         Err(Error::failed(format!("{}: `{}` {what}", path.display(), shown(&parameter.name))))
@@ -26,6 +26,12 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result
             let what =
                 "has the interval [{low}, {high}]; give its lower end first, then its upper end, both finite";
             return refuse(parameter, what.replace("{low}", &low).replace("{high}", &high));
+        }
+        let base = model.bodies.first().map_or(0.0, |body| body.mass);
+        if parameter.kind == "base_mass" && parameter.value < 0.0 && base + parameter.value <= 0.0 {
+            let (value, least) = (shown_number(parameter.value), shown_number(0.0 - base));
+            let what = "is {value} kg, and the base would have no mass; give more than {least} kg";
+            return refuse(parameter, what.replace("{value}", &value).replace("{least}", &least));
         }
         let Some(unit) = unit(parameter, model) else { continue };
         if !parameter.unit.is_empty() && parameter.unit != unit {

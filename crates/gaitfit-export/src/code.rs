@@ -2,7 +2,7 @@
 
 use super::joint::JointNumbers;
 use super::remarks::remarks;
-use gaitfit_model::{Model, Root, shown_number};
+use gaitfit_model::{Model, Root, shown, shown_number};
 use gaitfit_sim::Candidate;
 use std::fmt::Write;
 
@@ -10,6 +10,24 @@ use std::fmt::Write;
 pub(super) const LOADER: &str = include_str!("load_theta.py");
 /// The PD controller with delay, bias, factors, noise and networks.
 pub(super) const DRIVE: &str = include_str!("drive.py");
+
+/// A text as Python writes it. Names have no control characters.
+fn python(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+/// A regular expression, as Python writes it, that covers the name alone.
+fn regex(name: &str) -> String {
+    let mut text = String::with_capacity(name.len());
+    for c in name.chars() {
+        // The characters of Python's `re.escape` but `-`, which means nothing outside of brackets.
+        if r"()[]{}?*+|^$\.&~# ".contains(c) {
+            text.push('\\');
+        }
+        text.push(c);
+    }
+    python(&text)
+}
 
 /// `{"a": 1.0, "b": 2.0}` of a number of each joint; one number where all are the same.
 fn table(joints: &[JointNumbers], number: impl Fn(&JointNumbers) -> f64) -> String {
@@ -19,7 +37,7 @@ fn table(joints: &[JointNumbers], number: impl Fn(&JointNumbers) -> f64) -> Stri
         return format!("{first:?}");
     }
     let entries: Vec<String> =
-        joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, number(joint))).collect();
+        joints.iter().map(|joint| format!("{}: {:?}", regex(&joint.name), number(joint))).collect();
     format!("{{{}}}", entries.join(", "))
 }
 
@@ -72,21 +90,23 @@ fn lag(joints: &[JointNumbers], step: f64) -> usize {
     if step > 0.0 { (longest / step).round() as usize } else { 0 }
 }
 
-/// Isaac Lab's actuators with the fitted numbers.
+/// Isaac Lab's actuators with the fitted numbers. `joints`: those with a motor; `all`: of the robot.
 pub(super) fn isaac_lab(
     joints: &[JointNumbers],
+    all: &[JointNumbers],
     gains: bool,
     step: f64,
     model: &Model,
     candidate: &Candidate,
 ) -> String {
-    let names: Vec<String> = joints.iter().map(|joint| format!("{:?}", joint.name)).collect();
+    let names: Vec<String> = joints.iter().map(|joint| regex(&joint.name)).collect();
     let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
     let gain =
         |number: fn(&JointNumbers) -> f64| if gains { table(joints, number) } else { "None".to_owned() };
     let limited = |joint: &JointNumbers| joint.torque_limit.is_finite();
     let limits = joints.iter().map(|joint| {
-        format!("{:?}: {:?}", joint.name, if limited(joint) { joint.torque_limit } else { UNLIMITED })
+        let limit = if limited(joint) { joint.torque_limit } else { UNLIMITED };
+        format!("{}: {limit:?}", regex(&joint.name))
     });
     let limits: Vec<String> = limits.collect();
     let mut text = String::from(
@@ -119,7 +139,12 @@ pub(super) fn isaac_lab(
     let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
     let _ = writeln!(text, "        viscous_friction={},", table(joints, |joint| joint.damping));
     let _ = writeln!(text, "        min_delay={lag},\n        max_delay={lag},\n    ),\n}}");
-    let rest = remarks(model, candidate);
+    let mut rest: Vec<String> = remarks(model, candidate).into_iter().map(str::to_owned).collect();
+    let others = all.iter().filter(|joint| joint.named && !joint.motor);
+    let others: Vec<String> = others.map(|joint| format!("`{}`", shown(&joint.name))).collect();
+    if !others.is_empty() {
+        rest.push(format!("armature, friction and damping of joints without a motor: {}", others.join(", ")));
+    }
     if !rest.is_empty() {
         text.push_str("\n# Not among an actuator's settings; the numbers are in theta.json:\n");
         rest.into_iter().for_each(|line| text.push_str(&format!("# - {line}\n")));
@@ -127,9 +152,15 @@ pub(super) fn isaac_lab(
     text
 }
 
-/// mjlab's robot: the exported robot file and an actuator for each set of joints with the same numbers. `urdf`: how the
-/// robot hangs in the world, if its file is a URDF.
-pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64, urdf: Option<Root>) -> String {
+/// mjlab's robot: the exported robot file and an actuator for each set of joints with the same numbers. `joints`: those
+/// with a motor; `all`: of the robot; `urdf`: how the robot hangs in the world, if its file is a URDF.
+pub(super) fn mjlab(
+    joints: &[JointNumbers],
+    all: &[JointNumbers],
+    gains: bool,
+    step: f64,
+    urdf: Option<Root>,
+) -> String {
     let lag = lag(joints, step);
     let mut text = String::from(
         "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n",
@@ -153,7 +184,7 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64, urdf: Optio
     if let Some(note) = lag_note(joints, step) {
         let _ = writeln!(text, "# {note}.\n");
     }
-    text.push_str(&spec(joints, urdf));
+    text.push_str(&spec(all, urdf));
     text.push_str(
         "def servo(joints, kp, kd, limit):\n    return BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
          damping=kd,\n                                      effort_limit=limit, delay_min_lag=LAG, delay_max_lag=LAG)\n\n\n",
@@ -173,7 +204,7 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64, urdf: Optio
         let same =
             joints.iter().filter(|other| [other.kp, other.kd, other.torque_limit].map(f64::to_bits) == key);
         // The comma at the end makes a tuple of a single name too.
-        let names: String = same.map(|other| format!("{:?}, ", other.name)).collect();
+        let names: String = same.map(|other| format!("{}, ", regex(&other.name))).collect();
         let limit =
             if joint.torque_limit.is_finite() { format!("{:?}", joint.torque_limit) } else { "None".into() };
         let _ = writeln!(text, "    servo(({names}), kp={:?}, kd={:?}, limit={limit}),", joint.kp, joint.kd);
@@ -188,7 +219,7 @@ fn spec(joints: &[JointNumbers], urdf: Option<Root>) -> String {
     let file = if urdf.is_some() { "robot.urdf" } else { "robot.xml" };
     let mut text = String::new();
     if urdf.is_some() {
-        let entries = joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.armature));
+        let entries = joints.iter().map(|joint| format!("{}: {:?}", python(&joint.name), joint.armature));
         let _ = writeln!(text, "ARMATURE = {{{}}}\n", entries.collect::<Vec<_>>().join(", "));
     }
     let _ = writeln!(

@@ -29,7 +29,7 @@ pub(super) fn document(
     // JSON has no infinity: a limit that a joint lacks is null.
     let finite = |number: f64| number.is_finite().then_some(number);
     let mut by_joint = Map::new();
-    for (index, joint) in joints.iter().enumerate() {
+    for (index, joint) in joints.iter().enumerate().filter(|(_, joint)| joint.named) {
         // Every parameter of the step but gains, which are the controller's; then what the robot's file has a part in.
         let gains =
             [JointParameter::Kp, JointParameter::Kd, JointParameter::KpScale, JointParameter::KdScale];

@@ -2,13 +2,20 @@
 speed, noise, networks; and what sensors with errors read.
 
     drive = Drive(load(), kp=25.0, kd=0.5, step=model.opt.timestep)
-    drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
-    data.ctrl[:] = drive.torque(q, dq)  # at every physics step, of motors without gains of their own
+    joints = [model.joint(name) for name in drive.joints]  # the order of targets, angles and torques
+    place, dof = [joint.qposadr[0] for joint in joints], [joint.dofadr[0] for joint in joints]
+    drive.send(target, data.qpos[place], data.qvel[dof])   # at every control period
+    torque = drive.torque(data.qpos[place], data.qvel[dof])  # at every physics step, with the next two lines
+    data.qfrc_applied[dof] = torque
+    load_theta.stribeck(model, data, load(), torque)  # for stiction and load_friction
     gravity, rates = imu(load(), gravity, rates)  # what the policy observes
     late = LateImu(load(), model.opt.timestep)
     gravity, rates = late(gravity, rates)  # at every physics step, before `imu`; what the policy observes is the last one
     velocities = Velocities(load(), model.opt.timestep)
     dq_read = velocities(dq)            # at every physics step; what the policy observes is the last one
+
+Delete the model's own actuators, or give its motors controls of 0. Do not put the torques into data.ctrl: it has the
+order of the actuators, and their gears multiply it.
 """
 
 import collections
@@ -74,7 +81,7 @@ class Network:
 
 
 class Drive:
-    """One robot's controller. kp, kd: stated gains, one number or one a joint."""
+    """One robot's controller. kp, kd: stated gains, one number or one a joint (0 for a joint without a motor)."""
 
     def __init__(self, theta, kp, kd, step, seed=0):
         self.joints, self.step, self.time = list(theta["joints"]), step, 0.0

@@ -43,6 +43,10 @@ pub(super) struct JointNumbers {
     pub delay: f64,
     /// Whether springs differ from the robot file's.
     pub has_spring: bool,
+    /// Whether it has a motor in the robot's file ([`has_motor`]), or gains.
+    pub motor: bool,
+    /// Whether it has a name in the robot's file; else other programs do not know the name that it has here.
+    pub named: bool,
 }
 
 impl JointNumbers {
@@ -55,6 +59,11 @@ impl JointNumbers {
     pub fn has_constant_torque(&self) -> bool {
         self.stiffness == 0.0 && self.spring_torque != 0.0
     }
+}
+
+/// Whether joint `index` has a motor in the robot's file. A file without any actuator does not say it, so all have one.
+pub(super) fn has_motor(model: &Model, index: usize) -> bool {
+    model.actuators.is_empty() || model.actuators.iter().any(|actuator| actuator.joint == index)
 }
 
 /// The joints of the fitted robot, in the model's order.
@@ -88,6 +97,8 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             delay: robot.delay[j],
             // The file's own springs are in its text already.
             has_spring: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
+            motor: has_motor(model, j) || kp != 0.0 || kd != 0.0,
+            named: true,
         }
     };
     model.joints.iter().enumerate().map(numbers).collect()

@@ -14,7 +14,7 @@ mod urdf;
 mod xml;
 
 use document::document;
-use fit::Fit;
+use fit::{Fit, Stated};
 use gaitfit_adapt::{JointParameter, ThetaFile};
 use gaitfit_log::{Gains, PerJoint};
 use gaitfit_model::{Model, builtin};
@@ -112,25 +112,24 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     checks::parameters(&file, &settings.theta, &model)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
     // The caller's gains come first. Without them the gains of the fit are taken, and a note says so.
-    let (gains, note) = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
-        Some((gains, place)) => {
-            (Some(gains), Some(format!("the PD gains are those of {place}; --kp and --kd give others")))
-        }
-        None => (gains(settings, &model)?, None),
+    let stated = match fit.filter(|_| !stated).and_then(|fit| fit.gains(&model)) {
+        Some(found) => Some(found),
+        None => gains(settings, &model)?,
     };
+    let (gains, notes) = stated.map(|Stated { gains, notes }| (gains, notes)).unzip();
     // The step of the fit comes before the file's: the fitted numbers belong to it.
     let step = checks::step(settings.step)?.or(file.physics_step).unwrap_or(model.options.timestep);
     if let (Some((path, _)), false) = (&fitted, is_urdf) {
         included::check(&text, path, gains.is_some())?;
     }
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
-    exported.notes.extend(note);
+    exported.notes.extend(notes.into_iter().flatten());
     exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
     Ok(exported)
 }
 
 /// The gains that the settings name, one a joint of the model.
-fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Error> {
+fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Stated>, Error> {
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     match (&settings.kp, &settings.kd, &settings.policy) {
         (None, None, None) => Ok(None),
@@ -139,7 +138,7 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
             let kd = kd.resolve("--kd", &names).map_err(Error::settings)?;
             checks::gains("--kp", &kp)?;
             checks::gains("--kd", &kd)?;
-            Ok(Some(Gains { kp, kd }))
+            Ok(Some(fit::of_motors(Gains { kp, kd }, model)))
         }
         (None, None, Some(path)) => {
             let policy = gaitfit_policy_files::read(path)?;
@@ -159,9 +158,13 @@ fn files_of(
     gains: Option<&Gains>,
     step: f64,
 ) -> Result<Exported, Error> {
-    let joints = joint::numbers(model, candidate, gains);
+    let mut joints = joint::numbers(model, candidate, gains);
+    if !is_urdf {
+        mjcf::mark_unnamed(text, &mut joints)?;
+    }
     checks::motors(&joints)?;
-    let mut notes = Vec::from_iter(code::lag_note(&joints, step));
+    let driven: Vec<_> = joints.iter().filter(|joint| joint.motor && joint.named).cloned().collect();
+    let mut notes = Vec::from_iter(code::lag_note(&driven, step));
     let (robot_name, robot_text, said) = match is_urdf {
         true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said(text, model)?),
         false => {
@@ -210,10 +213,13 @@ fn files_of(
         ("theta.json".to_owned(), document(file, &joints, model, candidate)?),
         ("load_theta.py".to_owned(), code::LOADER.to_owned()),
         ("drive.py".to_owned(), code::DRIVE.to_owned()),
-        ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, model, candidate)),
+        (
+            "isaac_lab.py".to_owned(),
+            code::isaac_lab(&driven, &joints, gains.is_some(), step, model, candidate),
+        ),
         (
             "mjlab_robot.py".to_owned(),
-            code::mjlab(&joints, gains.is_some(), step, is_urdf.then_some(model.root)),
+            code::mjlab(&driven, &joints, gains.is_some(), step, is_urdf.then_some(model.root)),
         ),
     ];
     let mut files: Vec<_> = texts.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();

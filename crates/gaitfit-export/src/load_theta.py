@@ -42,14 +42,14 @@ def apply(model, theta):
     friction(model, theta)
 
 
-def stribeck(model, data, theta):
-    """Dry friction of joints with stiction or load_friction, at their present velocities and the actuators' last torques:
-    call it before every mj_step."""
-    for name, joint in theta["joints"].items():
+def stribeck(model, data, theta, torque=None):
+    """Dry friction of joints with stiction or load_friction, at their present velocities: call it before every mj_step.
+    torque: what the motors give in this step, as drive.torque does; without it what the actuators gave last."""
+    for place, (name, joint) in enumerate(theta["joints"].items()):
         if joint["stiction"] or joint["load_friction"]:
             dof = model.joint(name).dofadr[0]
             left = math.exp(-((data.qvel[dof] / joint["stribeck_velocity"]) ** 2))
-            load = joint["load_friction"] * abs(data.qfrc_actuator[dof])
+            load = joint["load_friction"] * abs(data.qfrc_actuator[dof] if torque is None else torque[place])
             model.dof_frictionloss[dof] = joint["frictionloss"] + joint["stiction"] * left + load
 
 
@@ -62,7 +62,9 @@ def gears(spec, theta):
         motor = spec.joint(name)
         # A part without mass between two joints needs some inertia, or its stop gives way.
         armature = 1e-3 if joint["play"] and joint["compliance"] else 2e-4
-        between = {"type": motor.type, "axis": motor.axis, "pos": motor.pos, "armature": armature}
+        # MuJoCo's own defaults: the file's are for its joints.
+        between = {"default": mujoco.MjSpec().default, "type": motor.type, "axis": motor.axis, "pos": motor.pos,
+                   "armature": armature}
         if joint["play"]:
             end = unit * joint["play"] / 2
             motor.parent.add_joint(name=f"{name}_play", range=[-end, end], limited=True, solref_limit=[0.004, 1.0],

@@ -3,6 +3,7 @@
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
 use super::{COMMON, link_kinds};
+use gaitfit_adapt::JointParameter;
 use gaitfit_model::Model;
 use gaitfit_settings::Error;
 use gaitfit_sim::Candidate;
@@ -108,41 +109,36 @@ pub(super) fn patched(
     let switched = [("frictionloss", friction), ("damping", both || damper), ("stiffness", both || spring)];
     tendons(text, &document, &switched, &mut edits);
     // Only numbers that differ are written, so the file keeps its text and comments.
-    for (joint, own) in joints.iter().zip(&model.joints) {
-        // Elements `joint` of defaults, tendons and equalities are not joints of the tree.
-        let node = document.descendants().find(|node| {
-            node.has_tag_name("joint")
-                && node.attribute("name") == Some(joint.name.as_str())
-                && node.ancestors().any(|above| above.has_tag_name("worldbody"))
-        });
-        let Some(node) = node else {
-            return Err(Error::failed(format!(
-                "the robot's file has no element of its own for joint `{}`: it is in an included file, or has no name there. \
-                 {ONE_FILE}",
-                joint.name
-            )));
-        };
-        for (name, value, before, anyway) in [
+    for (j, (joint, own)) in joints.iter().zip(&model.joints).enumerate() {
+        let fitted = [
             ("armature", joint.armature, own.armature, false),
             ("damping", joint.damping, own.damping, passive),
             ("frictionloss", joint.frictionloss, own.frictionloss, friction),
-        ] {
-            if value != before || anyway {
-                edits.set(text, node, name, &number(value));
-            }
-        }
+        ];
+        let differ = fitted.into_iter().filter(|(_, value, before, anyway)| value != before || *anyway);
+        let mut changes: Vec<(&str, f64)> = differ.map(|(name, value, ..)| (name, value)).collect();
         if joint.has_spring || passive {
-            edits.set(text, node, "stiffness", &number(joint.stiffness));
-            if let Some(rest) = joint.springref() {
-                // A slide's rest is a length: only hinges have degrees.
-                let in_degrees = degrees && own.kind.is_hinge();
-                edits.set(
-                    text,
-                    node,
-                    "springref",
-                    &number(if in_degrees { rest.to_degrees() } else { rest }),
-                );
+            changes.push(("stiffness", joint.stiffness));
+            // A slide's rest is a length: only hinges have degrees.
+            let in_degrees = degrees && own.kind.is_hinge();
+            let rest = joint.springref().map(|rest| if in_degrees { rest.to_degrees() } else { rest });
+            changes.extend(rest.map(|rest| ("springref", rest)));
+        }
+        let driven = gains && (joint.kp != 0.0 || joint.kd != 0.0);
+        let by_code = BY_NAME.iter().any(|one| candidate.robot.joints(*one)[j] != 0.0);
+        let Some(node) = element(&document, &joint.name) else {
+            // What stays as it is needs no element.
+            if changes.is_empty() && !driven && !by_code {
+                continue;
             }
+            return Err(Error::failed(format!(
+                "the robot's file has no element of its own for joint `{}`: it has no name there, or is in an included file. \
+                 Give it a name. {ONE_FILE}",
+                joint.name
+            )));
+        };
+        for (name, value) in changes {
+            edits.set(text, node, name, &number(value));
         }
     }
     base(text, &document, model, candidate, &mut edits);
@@ -151,6 +147,41 @@ pub(super) fn patched(
         actuators(text, &document, model, joints, &mut edits);
     }
     Ok(edits.apply(text))
+}
+
+/// What the code beside the robot's file does to a joint, which it finds by name.
+const BY_NAME: [JointParameter; 6] = [
+    JointParameter::Stiction,
+    JointParameter::LoadFriction,
+    JointParameter::Play,
+    JointParameter::Compliance,
+    JointParameter::EncoderBias,
+    JointParameter::TorqueOffset,
+];
+
+/// A joint's element in the robot's own file.
+fn element<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
+    // Elements `joint` of defaults, tendons and equalities are not joints of the tree.
+    document.descendants().find(|node| {
+        node.has_tag_name("joint")
+            && node.attribute("name") == Some(name)
+            && node.ancestors().any(|above| above.has_tag_name("worldbody"))
+    })
+}
+
+/// Marks the joints that have no name in the file: its reader made up theirs.
+pub(super) fn mark_unnamed(text: &str, joints: &mut [JointNumbers]) -> Result<(), Error> {
+    let document = parse(text)?;
+    // An included file may have a joint of such a name.
+    if document.descendants().any(|node| node.has_tag_name("include")) {
+        return Ok(());
+    }
+    for joint in joints {
+        let number = joint.name.strip_prefix("joint").map(|rest| rest.trim_end_matches('_'));
+        let made_up = number.is_some_and(|number| number.parse::<usize>().is_ok());
+        joint.named = !made_up || element(&document, &joint.name).is_some();
+    }
+    Ok(())
 }
 
 /// Sets to 0 what flags had switched off in tendons: the fitted robot has no tendons, and what is switched on for
@@ -214,6 +245,22 @@ fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candida
     }
 }
 
+/// Elements of actuators.
+const ACTUATORS: [&str; 12] = [
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "orientation",
+    "pid",
+];
+
 /// One PD controller a joint instead of the file's actuators, which keep their order and names:
 /// torque = kp (target − q − bias) − kd q̇ + offset, clamped at the limit, with the fit's factors in kp and kd.
 /// MuJoCo's affine actuator makes g · ctrl + b₀ + b₁ · q + b₂ · q̇, with g of `gainprm` and b of `biasprm`.
@@ -233,6 +280,13 @@ fn actuators(text: &str, document: &Document<'_>, model: &Model, joints: &[Joint
         }
     }
     keyframes(text, document, model, &order, edits);
+    // What default classes say of actuators would change the controllers, also those that mjlab makes.
+    let classes = document.descendants().filter(|node| node.has_tag_name("default"));
+    for node in classes.flat_map(|class| class.children()) {
+        if ACTUATORS.contains(&node.tag_name().name()) {
+            edits.replace(node, String::new());
+        }
+    }
     let mut block = String::from("<actuator>");
     for (j, name) in order {
         let joint = &joints[j];
@@ -243,11 +297,12 @@ fn actuators(text: &str, document: &Document<'_>, model: &Model, joints: &[Joint
                 " forcelimited=\"true\" forcerange=\"{0:?} {1:?}\"",
                 -joint.torque_limit, joint.torque_limit
             ),
-            false => String::new(),
+            false => " forcelimited=\"false\"".to_owned(),
         };
+        // Classes of an included file would change what is not written here.
         block.push_str(&format!(
-            "\n    <general name=\"{}\" joint=\"{}\" gaintype=\"fixed\" biastype=\"affine\" ctrllimited=\"false\" \
-             gainprm=\"{:?}\" biasprm=\"{:?} {:?} {:?}\"{limit}/>",
+            "\n    <general name=\"{}\" joint=\"{}\" gear=\"1\" dyntype=\"none\" gaintype=\"fixed\" \
+             biastype=\"affine\" ctrllimited=\"false\" gainprm=\"{:?}\" biasprm=\"{:?} {:?} {:?}\"{limit}/>",
             escape(&name),
             escape(&joint.name),
             joint.kp,

@@ -1,6 +1,7 @@
 //! What is exported is the fitted robot: read back here, and moved by official MuJoCo.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+mod held;
 mod mujoco;
 mod networks;
 mod robots;
@@ -384,7 +385,9 @@ fn gains_are_those_of_the_fit_beside_the_parameters_unless_others_are_named() {
     assert!(noted(&settings, "without gains"), "no fit lies beside the parameters");
     let walk = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors");
     let config = |text: &str| std::fs::write(folder.path().join("config.toml"), text).unwrap();
-    config(&format!("base = \"free\"\npolicy = {:?}\nlogs = [\"gone.csv\"]\n", walk.display().to_string()));
+    let walks =
+        format!("base = \"free\"\npolicy = {:?}\nlogs = [\"gone.csv\"]\n", walk.display().to_string());
+    config(&walks);
     assert!(noted(&settings, "those of the policy"));
     config("logs = [\"gone.csv\"]\n[gains]\nkp = 30.0\nkd = 0.7\n");
     assert!(noted(&settings, "those of [gains]"));
@@ -394,6 +397,8 @@ fn gains_are_those_of_the_fit_beside_the_parameters_unless_others_are_named() {
     std::fs::write(folder.path().join("gone.csv"), format!("{header}0,0,0,0\n0.02,0.1,0,0\n0.04,0,0,0\n"))
         .unwrap();
     assert!(noted(&settings, "those of the log"), "a log's gains are those that acted");
+    config(&walks);
+    assert!(noted(&settings, "those of the policy"), "a fit of walks simulates the policy's");
     (settings.kp, settings.kd) = (Some(PerJoint::All(1.0)), Some(PerJoint::All(0.1)));
     assert!(!noted(&settings, "those of"));
 }

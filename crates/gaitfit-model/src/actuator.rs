@@ -178,7 +178,8 @@ impl ActuatorForm {
         if a.boolean(ctx, "actearly")? == Some(true) {
             ctx.refuse(a.at("actearly"), format!("`actearly` of {label}"), NO_STATE, "remove it")?;
         }
-        a.ignore(&["actlimited", "actdim", "dynprm"]);
+        // `input` says what the control means; the force of a fixed gain is the same.
+        a.ignore(&["actlimited", "actdim", "dynprm", "input"]);
         Ok(())
     }
 

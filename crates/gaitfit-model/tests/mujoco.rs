@@ -287,6 +287,8 @@ fn actuators_inherit_from_classes_as_in_mujoco() {
     let general = r#"<general gainprm="3" biastype="affine" biasprm="1 2 -3"/><default class="c"/>"#;
     let after = r#"<velocity kv="5"/><default class="c"><general gainprm="6"/></default>"#;
     let affine = r#"general biastype="affine""#;
+    // MuJoCo 4 writes servos so.
+    let input = r#"general input="pos" gainprm="3" biastype="affine" biasprm="0 -3 -1""#;
     for (defaults, kind, gain, bias) in [
         (beside, affine, 1.0, [0.0; 3]),
         (beside, r#"position kp="7""#, 7.0, [0.0, -7.0, 0.0]),
@@ -298,6 +300,7 @@ fn actuators_inherit_from_classes_as_in_mujoco() {
         (mixed, "velocity", 7.0, [0.0, 0.0, -7.0]),
         (general, "position", 3.0, [0.0, -3.0, -3.0]),
         (after, "position", 6.0, [0.0, -6.0, -5.0]),
+        (general, input, 3.0, [0.0, -3.0, -1.0]),
     ] {
         let text = format!(
             r#"<mujoco><default>{defaults}</default><worldbody><body><joint name="j"/><geom size=".1"/></body>

@@ -91,7 +91,7 @@ impl ThetaFile {
     ///
     /// # Errors
     /// [`ThetaFileError::Syntax`] with line and column, also of an unknown key; [`ThetaFileError::Format`];
-    /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written.
+    /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written; [`ThetaFileError::SameName`].
     pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
         let mut file: Self = toml::from_str(text).map_err(|error| {
             // Configurations have such tables.
@@ -104,10 +104,20 @@ impl ThetaFile {
             return Err(ThetaFileError::Format(file.format));
         }
         // Taken out: outside of a text the field is `None`.
-        match file.checksum.take() {
-            Some(sum) if sum != checksum::digest(text) => Err(ThetaFileError::Checksum),
-            _ => Ok(file),
+        if file.checksum.take().is_some_and(|sum| sum != checksum::digest(text)) {
+            return Err(ThetaFileError::Checksum);
         }
+        match file.repeated_name() {
+            Some(name) => Err(ThetaFileError::SameName(name)),
+            None => Ok(file),
+        }
+    }
+
+    /// A name of more than one parameter.
+    fn repeated_name(&self) -> Option<String> {
+        let mut names = HashSet::new();
+        let repeated = self.parameter.iter().find(|parameter| !names.insert(parameter.name.as_str()));
+        repeated.map(|parameter| parameter.name.clone())
     }
 
     /// The file's text, with its checksum.

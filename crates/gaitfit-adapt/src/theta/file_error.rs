@@ -25,6 +25,9 @@ pub enum ThetaFileError {
     /// It is of another version.
     #[error("it has format {0}, and this program reads 1 and 2")]
     Format(u32),
+    /// Two parameters have the same name.
+    #[error("two parameters are called `{}`; give each a name of its own", shown(.0))]
+    SameName(String),
     /// A kind that this program does not know.
     #[error("parameter `{name}` is of kind `{kind}`, which this program does not know")]
     Kind {

@@ -159,3 +159,138 @@ fn the_last_of_several_compilers_counts() {
         assert!((again.bodies[0].mass - 2.5).abs() < 1e-12, "{more}");
     }
 }
+
+/// The export of a file `name` with the text `text`.
+fn export(name: &str, text: &str, theta: &str, gains: bool) -> Result<Exported, String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path(name), text).unwrap();
+    std::fs::write(path("theta.toml"), format!("format = 2\n{theta}")).unwrap();
+    let settings = ExportSettings {
+        theta: path("theta.toml"),
+        robot: Some(path(name)),
+        lenient: false,
+        kp: gains.then_some(PerJoint::All(30.0)),
+        kd: gains.then_some(PerJoint::All(1.0)),
+        policy: None,
+        step: None,
+    };
+    export_theta(&settings).map_err(|error| error.to_string())
+}
+
+fn parameter(kind: &str, joints: &str, value: f64) -> String {
+    format!("[[parameter]]\nname = \"p\"\nkind = \"{kind}\"\njoints = {joints}\nvalue = {value:?}\n")
+}
+
+#[test]
+fn default_classes_do_not_change_the_controllers() {
+    let classes = "<default><motor gear=\"2\" forcerange=\"-3 3\"/><position inheritrange=\"0.5\"/>\
+                   <default class=\"c\"><general ctrlrange=\"-1 1\"/></default></default><worldbody>";
+    let text = TWO.replacen("<worldbody>", classes, 1);
+    let model = read_mjcf_str(&text, &ReadOptions::default()).unwrap();
+    let file = ThetaFile::parse("format = 2\n").unwrap();
+    let candidate = file.candidate(&model).unwrap();
+    let exported = files_of(&file, &model, &text, false, &candidate, Some(&gains(&model)), STEP).unwrap();
+    let robot = content(&exported, "robot.xml");
+    assert!(!robot.contains("inheritrange") && !robot.contains("ctrlrange"), "{robot}");
+    assert_eq!(robot.matches("gear=\"1\"").count(), 2, "an included file may have such classes too");
+    let again = read_mjcf_str(robot, &ReadOptions::default()).unwrap();
+    let said: Vec<_> = again.actuators.iter().map(|one| (one.gear, one.forcerange, one.gain)).collect();
+    assert_eq!(said, [(1.0, Some([-14.0, 14.0]), 30.0), (1.0, None, 30.0)]);
+    // Without gains they are the file's.
+    let plain = files_of(&file, &model, &text, false, &candidate, None, STEP).unwrap();
+    assert!(content(&plain, "robot.xml").contains(classes));
+}
+
+#[test]
+fn joints_without_a_motor_get_no_controller_from_gains_of_all_joints() {
+    let limp = |exported: &Exported, joint: &str| {
+        let isaac = content(exported, "isaac_lab.py");
+        assert!(isaac.contains(&format!("joints without a motor: `{joint}`")), "{isaac}");
+        assert!(!isaac.contains(&format!("\"{joint}\"")), "{isaac}");
+        assert!(!content(exported, "mjlab_robot.py").contains(&format!("\"{joint}\",")));
+        let noted = format!("joints without a motor in the robot's file get no controller: `{joint}`");
+        assert!(exported.notes.contains(&noted), "{:?}", exported.notes);
+    };
+    let read = |exported: &Exported| {
+        read_mjcf_str(content(exported, "robot.xml"), &ReadOptions::default()).unwrap().actuators.len()
+    };
+    let exported = export("robot.xml", TWO, "", true).unwrap();
+    limp(&exported, "two");
+    assert_eq!(read(&exported), 1);
+    // A file without any actuator says nothing of motors.
+    let bare = format!("{}</mujoco>", &TWO[..TWO.find("<actuator>").unwrap()]);
+    let exported = export("robot.xml", &bare, "", true).unwrap();
+    assert_eq!(read(&exported), 2);
+    assert!(!exported.notes.iter().any(|note| note.contains("without a motor")), "{:?}", exported.notes);
+    // In a URDF all have motors but those that follow others.
+    let inertial =
+        "<inertial><mass value='2'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>";
+    let joint = |name: &str, more: &str| {
+        format!(
+            "<link name=\"link_{name}\">{inertial}</link><joint name=\"{name}\" type=\"revolute\"><parent \
+             link=\"base\"/><child link=\"link_{name}\"/><axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" \
+             effort=\"5\" velocity=\"5\"/>{more}</joint>"
+        )
+    };
+    let text = format!(
+        "<robot name=\"two\"><link name=\"base\">{inertial}</link>{}{}</robot>",
+        joint("knuckle", ""),
+        joint("tip", "<mimic joint=\"knuckle\"/>")
+    );
+    let exported = export("robot.urdf", &text, "", true).unwrap();
+    limp(&exported, "tip");
+    assert!(content(&exported, "mjlab_robot.py").contains("servo((\"knuckle\", ), kp=30.0, kd=1.0"));
+}
+
+#[test]
+fn names_are_regular_expressions_of_one_joint() {
+    for (names, text) in [
+        (r#""one", "two""#, TWO.to_owned()),
+        (
+            r#""left\\.j-1", "r\\(1\\)""#,
+            TWO.replace("\"one\"", "\"left.j-1\"").replace("\"two\"", "\"r(1)\""),
+        ),
+    ] {
+        let model = read_mjcf_str(&text, &ReadOptions::default()).unwrap();
+        let file = ThetaFile::parse("format = 2\n").unwrap();
+        let candidate = file.candidate(&model).unwrap();
+        let gains = Gains { kp: vec![30.0; 2], kd: vec![1.0, 2.0] };
+        let exported = files_of(&file, &model, &text, false, &candidate, Some(&gains), STEP).unwrap();
+        let isaac = content(&exported, "isaac_lab.py");
+        assert!(isaac.contains(&format!("joint_names_expr=[{names}]")), "{isaac}");
+        let [first, second] = [0, 1].map(|at| names.split(", ").nth(at).unwrap());
+        assert!(isaac.contains(&format!("damping={{{first}: 1.0, {second}: 2.0}}")), "{isaac}");
+        assert!(isaac.contains(&format!("effort_limit={{{first}: 7.0, ")), "{isaac}");
+        assert!(
+            content(&exported, "mjlab_robot.py").contains(&format!("servo(({second}, ), kp=30.0, kd=2.0"))
+        );
+    }
+}
+
+#[test]
+fn joints_without_a_name_may_stay_as_they_are() {
+    let text = TWO.replace("<joint name=\"two\"/>", "<joint/>");
+    for gains in [false, true] {
+        let theta = parameter("frictionloss", "[\"one\"]", 0.2);
+        let exported = export("robot.xml", &text, &theta, gains).unwrap();
+        assert!(content(&exported, "robot.xml").contains("<joint/>"));
+        let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
+        assert_eq!(document["joints"].as_object().unwrap().keys().collect::<Vec<_>>(), ["one"]);
+        assert!(!content(&exported, "isaac_lab.py").contains("joint1"));
+    }
+    for kind in ["frictionloss", "stiction"] {
+        let error = export("robot.xml", &text, &parameter(kind, "[\"*\"]", 0.2), false).unwrap_err();
+        assert!(error.contains("`joint1`: it has no name there"), "{error}");
+    }
+    let bare = format!("{}</mujoco>", &text[..text.find("<actuator>").unwrap()]);
+    assert!(export("robot.xml", &bare, "", true).unwrap_err().contains("`joint1`"), "its gains change it");
+    export("robot.xml", &bare, "", false).unwrap();
+}
+
+#[test]
+fn a_base_without_mass_is_refused() {
+    let error = export("robot.xml", TWO, &parameter("base_mass", "[]", -2.0), false).unwrap_err();
+    assert!(error.contains("`p` is -2 kg") && error.contains("more than -2 kg"), "{error}");
+    export("robot.xml", TWO, &parameter("base_mass", "[]", -1.5), false).unwrap();
+}

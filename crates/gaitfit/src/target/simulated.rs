@@ -11,7 +11,7 @@ use crate::settings::{LoopConfig, TargetConfig};
 use crate::theta;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
-use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, Sharing, ThetaFile};
+use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, SavedParameter, Sharing, ThetaFile};
 use gaitfit_learn::collect::CollectOptions;
 use gaitfit_learn::evaluate::{GaitRecord, record_gait};
 use gaitfit_learn::task::TaskSettings;
@@ -73,11 +73,17 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
         let theta = rules.by_kind(model).and_then(|rules| rules.theta(&[], &joints, &[]));
         let theta = theta.map_err(|error| wrong(&error))?;
         let named = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
-        file.parameter.extend(named.parameter.into_iter().map(|mut parameter| {
+        for mut parameter in named.parameter {
             // True values were not searched, so they have no bounds.
             (parameter.lower, parameter.upper, parameter.at_bound) = (None, None, None);
-            parameter
-        }));
+            // A number of the whole robot replaces the file's. Those of joints stand beside it, under other names.
+            let replaced = |other: &SavedParameter| other.joints.is_empty() && other.kind == parameter.kind;
+            file.parameter.retain(|other| !replaced(other));
+            while file.parameter.iter().any(|other| other.name == parameter.name) {
+                parameter.name.push('_');
+            }
+            file.parameter.push(parameter);
+        }
     }
     file.robot = model.name.clone();
     (file.cost_name, file.cost) = (String::new(), None);
@@ -198,5 +204,33 @@ impl Simulated {
     /// In which numbers it differs.
     pub fn description(&self) -> String {
         self.description.clone()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_targets_numbers_stand_beside_those_of_its_file_under_other_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let theta = folder.path().join("theta.toml");
+        let saved = |kind: &str, joints: &str| {
+            format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = [{joints}]\nvalue = 0.1\n")
+        };
+        let text = format!("format = 2\n{}{}", saved("base_mass", ""), saved("frictionloss", "\"*_hip\""));
+        std::fs::write(&theta, text).unwrap();
+        let text = format!(
+            "kind = \"simulated\"\ntheta = {:?}\n[[parameter]]\nkind = \"frictionloss\"\njoints = [\"*_calf\"]\n\
+             value = 0.2\n[[number]]\nkind = \"base_mass\"\nvalue = 0.2\n",
+            theta.display().to_string()
+        );
+        let config: TargetConfig = toml::from_str(&text).unwrap();
+        let model = gaitfit_model::builtin::go2().unwrap();
+        let (file, _) = truth(&config, Path::new("loop.toml"), &model).unwrap();
+        let again = ThetaFile::parse(&file.to_toml().unwrap()).unwrap().candidate(&model).unwrap();
+        assert_eq!(file.parameter.len(), 3);
+        assert_eq!((again.robot.base_mass, again.robot.frictionloss[0]), (0.2, 0.1));
     }
 }
