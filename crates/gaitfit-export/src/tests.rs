@@ -188,8 +188,11 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let falling =
         "format = 2\n[[parameter]]\nname = \"n\"\nkind = \"no_load_speed\"\njoints = [\"*\"]\nvalue = 20.0\n";
     let motor = |more: &str| {
-        let file =
-            ThetaFile::parse(&format!("{falling}{}", more.replace("no_load_speed", "stall_torque"))).unwrap();
+        let file = ThetaFile::parse(&format!(
+            "{falling}{}",
+            more.replace("\"n\"", "\"stall\"").replace("no_load_speed", "stall_torque")
+        ))
+        .unwrap();
         files_of(&file, &model, &bare, true, &file.candidate(&model).unwrap(), None, STEP).map(|_| ())
     };
     let error = motor("").unwrap_err().to_string();

@@ -96,7 +96,10 @@ fn mjlab_reads_the_robot_file_that_is_written() {
 
 #[test]
 fn no_step_is_named_where_joints_have_different_delays() {
-    let model = read_mjcf_str(TWO, &ReadOptions::default()).unwrap();
+    let text = &TWO
+        .replace("</actuator>", "<motor name=\"two\" joint=\"two\"/></actuator>")
+        .replace("ctrl=\"3\"", "ctrl=\"3 3\"");
+    let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
     let delay = |joint: &str, value: f64| {
         format!(
             "[[parameter]]\nname = \"{joint}\"\nkind = \"delay\"\njoints = [\"{joint}\"]\nvalue = {value:?}\n"
@@ -105,7 +108,7 @@ fn no_step_is_named_where_joints_have_different_delays() {
     let file =
         ThetaFile::parse(&format!("format = 2\n{}{}", delay("one", 0.002), delay("two", 0.01))).unwrap();
     let candidate = file.candidate(&model).unwrap();
-    let exported = files_of(&file, &model, TWO, false, &candidate, None, STEP).unwrap();
+    let exported = files_of(&file, &model, text, false, &candidate, None, STEP).unwrap();
     let note = exported.notes.iter().find(|note| note.contains("DELAY ROUNDED")).unwrap();
     assert!(note.contains("2.00 to 10.00 ms") && !note.contains("for example"), "{note}");
 }
