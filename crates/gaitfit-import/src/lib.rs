@@ -159,6 +159,14 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         sources.push(source);
     }
     resolve::all_taken(&sources, mapping)?;
+    // A slide in degrees would be wrong by a factor of 57.
+    if mapping.unit == AngleUnit::Degrees {
+        report.assumed.extend(match mapping.slides.as_deref() {
+            None => Some("all joints are hinges, in degrees; with --robot its slides stay in m".to_owned()),
+            Some([]) => None,
+            Some(slides) => Some(format!("slides are in m, not in degrees: {}", slides.join(", "))),
+        });
+    }
     // The rate is stated for all rows, and its reader took some of a log of gaitfit's own.
     let thinned = sources.iter().all(|source| source.thinned);
     let every = mapping.every.filter(|_| thinned).unwrap_or(1) as f64;

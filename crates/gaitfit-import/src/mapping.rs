@@ -13,7 +13,7 @@ pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
 ///
 /// ```toml
 /// joints = ["FR_hip", "FR_thigh", "FR_calf"]   # the order of numbered joints
-/// unit = "deg"                                 # of joint positions, velocities and targets; default rad
+/// unit = "deg"                                 # of hinges' positions, velocities and targets; default rad
 /// rate_hz = 50                                 # where there is no time column
 /// clock_offset_s = 0.003                       # added to the times of what holds no positions
 /// kp = 20
@@ -46,7 +46,7 @@ pub struct Mapping {
     pub joints: Option<Vec<String>>,
     /// The robot's names of joints that the recording calls otherwise: its name on the left.
     pub joint_names: BTreeMap<String, String>,
-    /// Unit of joint positions, velocities and targets.
+    /// Unit of joint positions, velocities and targets; `slides` are in m whatever it is.
     pub unit: AngleUnit,
     /// Unit of the IMU's angles and rates.
     pub imu_unit: AngleUnit,
@@ -70,6 +70,9 @@ pub struct Mapping {
     /// not hold.
     #[serde(skip)]
     pub observation: Option<Vec<Option<ObservedNumber>>>,
+    /// Joints of the robot that slide, whose positions are in m; absent if the caller knows no robot.
+    #[serde(skip)]
+    pub slides: Option<Vec<String>>,
     /// Sample rate, Hz, of files without times where nobody states one.
     #[serde(skip)]
     pub usual_rate_hz: Option<f64>,

@@ -8,6 +8,7 @@ use crate::observation;
 use crate::table::{Source, Table};
 use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, ROLL_PITCH_YAW};
 use gaitfit_log::{TimeUnit, recognise_time_unit};
+use gaitfit_model::patterns::plain;
 use gaitfit_model::{listed, shown};
 use indexmap::IndexMap;
 use std::collections::{BTreeMap, BTreeSet};
@@ -382,7 +383,14 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
     for table in &mut source.tables {
         for (name, values) in &mut table.columns {
             let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || BASE_RATES.contains(&name.as_str());
-            let is_joint = ["q_", "dq_", "qdes_", "dqdes_"].iter().any(|prefix| name.starts_with(prefix));
+            let prefixes = ["q_", "dq_", "qdes_", "dqdes_"];
+            let joint = prefixes.iter().find_map(|prefix| name.strip_prefix(prefix));
+            // A slide's numbers are in m, whatever the unit of angles is.
+            let slides = |joint| mapping.slides.iter().flatten().any(|slide| plain(slide) == plain(joint));
+            if joint.is_some_and(slides) {
+                continue;
+            }
+            let is_joint = joint.is_some();
             let factor = match (is_joint, is_imu) {
                 (true, _) => mapping.unit.radians(),
                 (_, true) => mapping.imu_unit.radians(),
