@@ -14,6 +14,8 @@ use std::path::Path;
 
 /// Fewest samples of a log: fewer do not show how a joint moves.
 const MIN_SAMPLES: usize = 20;
+/// Gains that differ by a smaller part are rounded.
+const SAME_GAIN: f64 = 1e-3;
 /// Max number of joints that a sentence names.
 const MAX_NAMED: usize = 6;
 
@@ -47,6 +49,8 @@ pub fn read(
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
     }
+    // Gains that the configuration states for this log are meant to differ.
+    let contradiction = gains.is_none().then(|| contradiction(&trajectory, config)).flatten();
     if trajectory.len() < MIN_SAMPLES {
         return Err(Error::failed(format!(
             "{}: {} samples are too few to compare with a simulation; give at least {MIN_SAMPLES}, better some \
@@ -76,9 +80,34 @@ pub fn read(
              base = \"free\" and `policy`"
         ));
     }
+    doubts.extend(contradiction.map(|doubt| format!("{named}: {doubt}")));
     doubts.extend(release(&mut trajectory, model).map(|doubt| format!("{named}: {doubt}")));
     let (name, sidecars) = (named.to_owned(), report.sidecars);
     Ok((Log { name, path, sidecars, joints, trajectory, mounting: None, filled }, doubts))
+}
+
+/// Says that [gains] of the configuration are others than the log's, which count. The log has its own joints.
+fn contradiction(trajectory: &Trajectory, config: &AdaptConfig) -> Option<String> {
+    let gains = trajectory.gains.as_ref()?;
+    for (what, own, stated) in [("kp", &gains.kp, &config.gains.kp), ("kd", &gains.kd, &config.gains.kd)] {
+        // Where [gains] do not fit the log's joints, they are of other logs.
+        let Some(stated) = stated.as_ref().and_then(|stated| stated.resolve(what, &trajectory.joints).ok())
+        else {
+            continue;
+        };
+        let mut pairs = trajectory.joints.iter().zip(own.iter().zip(&stated));
+        if let Some((joint, (own, stated))) =
+            pairs.find(|(_, (own, stated))| (*own - *stated).abs() > SAME_GAIN * own.abs())
+        {
+            return Some(format!(
+                "the log states {what} {} of joint {}, and [gains] of the configuration {}: the log's gains count",
+                shown_number(*own),
+                shown(joint),
+                shown_number(*stated)
+            ));
+        }
+    }
+    None
 }
 
 /// Takes away the gains of joints to which the robot file gives no motor, while it gives others one, and says so. The log has
