@@ -67,6 +67,7 @@ mod table;
 mod table_error;
 mod text;
 mod torch;
+mod used;
 mod walk_these_ways;
 mod zeros;
 
@@ -158,7 +159,8 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         resolve::convert(&mut source, mapping)?;
         sources.push(source);
     }
-    resolve::all_taken(&sources, mapping)?;
+    used::all_taken(&sources, mapping)?;
+    report.left_out.extend(used::all_used(&sources, mapping)?);
     // A slide in degrees would be wrong by a factor of 57.
     if mapping.unit == AngleUnit::Degrees {
         report.assumed.extend(match mapping.slides.as_deref() {

@@ -70,6 +70,9 @@ pub struct Mapping {
     /// not hold.
     #[serde(skip)]
     pub observation: Option<Vec<Option<ObservedNumber>>>,
+    /// Whether the mapping itself states `joints`, and not the caller by its robot.
+    #[serde(skip)]
+    pub states_joints: bool,
     /// Joints of the robot that slide, whose positions are in m; absent if the caller knows no robot.
     #[serde(skip)]
     pub slides: Option<Vec<String>>,
@@ -210,8 +213,9 @@ impl Mapping {
     /// # Errors
     /// What is not TOML, and keys or values that a mapping does not have.
     pub fn parse(text: &str) -> Result<Mapping, ImportError> {
-        let mapping: Mapping = toml::from_str(text)
+        let mut mapping: Mapping = toml::from_str(text)
             .map_err(|error| ImportError::Mapping { problem: in_a_line(&error, text) })?;
+        mapping.states_joints = mapping.joints.is_some();
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));
