@@ -341,3 +341,22 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
     }
     Ok(warnings)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::Prior;
+
+    #[test]
+    fn a_prior_outside_its_bounds_is_named_and_scatter_about_a_bound_is_not() {
+        let groups = [("knee".to_owned(), vec!["*".to_owned()])];
+        let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups, &["knee".to_owned()]).unwrap();
+        let said = |value: f64| {
+            let prior = [("frictionloss_knee".to_owned(), Prior::new(value, 0.1))].into();
+            unused(&AdaptConfig { prior, ..AdaptConfig::default() }, &theta, &[]).unwrap()
+        };
+        assert!(said(0.1).is_empty() && said(-0.001).is_empty());
+        assert!(said(9.0)[0].contains("frictionloss_knee = 9, outside its bounds 0 to "), "{:?}", said(9.0));
+    }
+}

@@ -234,4 +234,18 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn gains_of_a_configuration_that_contradict_the_log_are_named() {
+        let log = Trajectory {
+            gains: Some(Gains { kp: vec![20.0], kd: vec![0.5] }),
+            ..Trajectory::of_joints(vec!["knee".to_owned()], 100.0, Vec::new(), Vec::new(), Vec::new())
+        };
+        let mut config = AdaptConfig::default();
+        config.gains.kp = Some(PerJoint::All(20.0));
+        assert_eq!(contradiction(&log, &config), None);
+        config.gains.kp = Some(PerJoint::All(500.0));
+        let said = contradiction(&log, &config).unwrap();
+        assert!(said.contains("kp 20 of joint knee") && said.contains("500"), "{said}");
+    }
 }
