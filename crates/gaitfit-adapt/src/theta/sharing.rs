@@ -61,7 +61,7 @@ impl Sharing {
                     .iter()
                     .map(|(name, patterns)| {
                         let patterns = patterns.iter().map(|pattern| Pattern::over(pattern, joints));
-                        Ok((name.as_str(), patterns.collect::<Result<_, _>>().map_err(wrong)?))
+                        Ok((name.as_str(), patterns.collect::<Result<Vec<_>, _>>().map_err(wrong)?))
                     })
                     .collect::<Result<_, ThetaError>>()?;
                 for joint in covered {
