@@ -10,8 +10,9 @@ fuzz_target!(|text: &str| {
     for root in [None, Some(Root::Fixed), Some(Root::Floating)] {
         for (lenient, mend) in [(false, false), (true, false), (false, true)] {
             // Both kinds of mistakes are passed over together.
-            let add_floor = lenient;
-            if let Ok(model) = read_mjcf_str(text, &ReadOptions { lenient, root, add_floor, mend }) {
+            let (add_floor, in_the_air) = (lenient, mend);
+            let options = ReadOptions { lenient, root, add_floor, in_the_air, mend };
+            if let Ok(model) = read_mjcf_str(text, &options) {
                 assert!(model.pairs.iter().all(|p| p.geom < model.geoms.len()));
                 let _ = model.summary();
             }

@@ -27,6 +27,10 @@ const BUILT_IN: &str = "the gains of the built-in task";
 /// Max number of names that a message lists; it counts the others.
 const LISTED: usize = 4;
 
+/// Said of a robot that its file fixes in a world that it may touch.
+const IN_A_WORLD: &str = "the file fixes the robot and has a ground: the chirp is simulated without it, so see that the robot \
+                          touches nothing; a fit of the log has the file's ground";
+
 /// A clamped robot, ready to move.
 pub(super) struct Body {
     /// The robot, with nothing that it could touch.
@@ -63,8 +67,11 @@ impl Body {
         // Its log is written at the end. A name that a log cannot hold is refused now, before the simulations.
         gaitfit_log::check_names(Some(&model.name), &names)
             .map_err(|error| Error::content(&settings.robot, error))?;
-        // It hangs in the air: nothing of it may touch anything.
-        (model.planes, model.obstacles, model.pairs) = Default::default();
+        // Only a robot that its file fixes, such as an arm on a table, still has that file's world.
+        if !model.pairs.is_empty() {
+            notes.push(IN_A_WORLD.to_owned());
+            model = model.in_the_air();
+        }
         let named = |error| Error::settings(format!("`joints` (--joints): {error}"));
         let moved = match settings.joints.as_slice() {
             [] => hinges(&model, &mut notes)?,

@@ -166,6 +166,20 @@ fn a_robot_without_limits_needs_them() {
 }
 
 #[test]
+fn an_arm_on_a_table_swings_without_the_table_and_a_note_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = folder.path().join("table.xml");
+    let joint = r#"<joint name="swing" axis="0 1 0"/>"#;
+    let table = BARE.replace("<worldbody>", r#"<worldbody><geom type="plane" size="0 0 1"/>"#);
+    std::fs::write(&robot, table.replace(joint, &format!(r#"{joint}<geom size="0.05"/>"#))).unwrap();
+    let gains = (Some(PerJoint::All(30.0)), Some(PerJoint::All(1.0)));
+    let settings = ChirpSettings { robot, kp: gains.0, kd: gains.1, torque_limit: Some(20.0), ..short() };
+    let body = Body::read(&settings).unwrap();
+    assert!(body.model.planes.is_empty() && body.model.pairs.is_empty());
+    assert!(body.notes.iter().any(|note| note.contains("the file fixes the robot")), "{:?}", body.notes);
+}
+
+#[test]
 fn changed_files_are_not_overwritten_unasked() {
     let folder = tempfile::tempdir().unwrap();
     let chirp = make(&short()).unwrap();

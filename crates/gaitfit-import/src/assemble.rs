@@ -13,8 +13,11 @@ use gaitfit_log::{
     orientation_of_gravity, settle_angles, settle_imu,
 };
 use gaitfit_model::rotation::from_rpy;
-use gaitfit_model::shown;
+use gaitfit_model::{shown, shown_number};
 use indexmap::IndexMap;
+
+/// Gains that differ by a smaller part are rounded.
+const SAME_GAIN: f64 = 1e-3;
 
 /// Joined columns as matrices.
 struct Columns<'a> {
@@ -148,7 +151,7 @@ pub(crate) fn trajectory(
     let rate_hz = rate(&time, mapping.rate_hz)?;
     // Gains that nobody stated may come from the columns; then velocities and torques can be folded into
     // targets.
-    let mut gains = gains(&joints, sources, mapping)?;
+    let mut gains = gains(&joints, sources, mapping, assumed)?;
     let motors = all.motors();
     noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
     noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
@@ -237,24 +240,55 @@ fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
     out
 }
 
-/// Gains by the mapping or the files.
-fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Option<Gains>, ImportError> {
+/// Gains by the mapping or the files; `assumed` gains that those of the mapping replace others.
+fn gains(
+    joints: &[String],
+    sources: &[Source],
+    mapping: &Mapping,
+    assumed: &mut Vec<String>,
+) -> Result<Option<Gains>, ImportError> {
     let problem = |problem: String| ImportError::Mapping { problem };
     match (&mapping.kp, &mapping.kd) {
         (Some(kp), Some(kd)) => {
             let kp = kp.resolve("kp", joints).map_err(problem)?;
             let kd = kd.resolve("kd", joints).map_err(problem)?;
-            return Ok(Some(Gains { kp, kd }));
+            let gains = Gains { kp, kd };
+            // Gains of the files that do not fit do not matter here.
+            let of_files = gains_of_files(joints, sources).ok().flatten();
+            assumed.extend(of_files.and_then(|(files, place)| replaced(joints, &gains, &files, &place)));
+            Ok(Some(gains))
         }
-        (None, None) => {}
-        _ => return Err(problem("kp and kd: give both or none".into())),
+        (None, None) => Ok(gains_of_files(joints, sources)?.map(|(gains, _)| gains)),
+        _ => Err(problem("kp and kd: give both or none".into())),
     }
+}
+
+/// Says that a mapping states other gains than the recording, of the first joint whose gains differ.
+fn replaced(joints: &[String], mapping: &Gains, files: &Gains, place: &str) -> Option<String> {
+    [("kp", &mapping.kp, &files.kp), ("kd", &mapping.kd, &files.kd)].into_iter().find_map(
+        |(what, mapping, files)| {
+            let mut pairs = joints.iter().zip(mapping.iter().zip(files));
+            let (joint, (stated, own)) =
+                pairs.find(|(_, (stated, own))| (*stated - *own).abs() > SAME_GAIN * own.abs())?;
+            Some(format!(
+                "{what} of {} is {}, as the mapping states, not {} as {place} states",
+                shown(joint),
+                shown_number(*stated),
+                shown_number(*own)
+            ))
+        },
+    )
+}
+
+/// Gains that files state, and where.
+fn gains_of_files(joints: &[String], sources: &[Source]) -> Result<Option<(Gains, String)>, ImportError> {
+    let problem = |problem: String| ImportError::Mapping { problem };
     // Gains that comments of a file state come before those of arrays.
     for source in sources {
         let (Some((kp, at_kp)), Some((kd, at_kd))) = (&source.stated.kp, &source.stated.kd) else { continue };
         let kp = kp.resolve("kp", joints).map_err(|wrong| problem(format!("{at_kp}: {wrong}")))?;
         let kd = kd.resolve("kd", joints).map_err(|wrong| problem(format!("{at_kd}: {wrong}")))?;
-        return Ok(Some(Gains { kp, kd }));
+        return Ok(Some((Gains { kp, kd }, at_kp.clone())));
     }
     let usable = |gains: &Vec<f64>| gains.iter().all(|gain| gain.is_finite() && *gain >= 0.0);
     for source in sources {
@@ -265,7 +299,7 @@ fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Opt
             all => (all.len() == joints.len()).then(|| all.to_vec()),
         };
         if let (Some(kp), Some(kd)) = (spread(kp).filter(usable), spread(kd).filter(usable)) {
-            return Ok(Some(Gains { kp, kd }));
+            return Ok(Some((Gains { kp, kd }, "the recording".to_owned())));
         }
     }
     Ok(None)

@@ -67,6 +67,7 @@ mod table;
 mod table_error;
 mod text;
 mod torch;
+mod used;
 mod walk_these_ways;
 mod zeros;
 
@@ -158,7 +159,16 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         resolve::convert(&mut source, mapping)?;
         sources.push(source);
     }
-    resolve::all_taken(&sources, mapping)?;
+    used::all_taken(&sources, mapping)?;
+    report.left_out.extend(used::all_used(&sources, mapping)?);
+    // A slide in degrees would be wrong by a factor of 57.
+    if mapping.unit == AngleUnit::Degrees {
+        report.assumed.extend(match mapping.slides.as_deref() {
+            None => Some("all joints are hinges, in degrees; with --robot its slides stay in m".to_owned()),
+            Some([]) => None,
+            Some(slides) => Some(format!("slides are in m, not in degrees: {}", slides.join(", "))),
+        });
+    }
     // The rate is stated for all rows, and its reader took some of a log of gaitfit's own.
     let thinned = sources.iter().all(|source| source.thinned);
     let every = mapping.every.filter(|_| thinned).unwrap_or(1) as f64;

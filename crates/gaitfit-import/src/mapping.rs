@@ -13,7 +13,7 @@ pub const MAX_MAPPING_BYTES: u64 = 1 << 20;
 ///
 /// ```toml
 /// joints = ["FR_hip", "FR_thigh", "FR_calf"]   # the order of numbered joints
-/// unit = "deg"                                 # of joint positions, velocities and targets; default rad
+/// unit = "deg"                                 # of hinges' positions, velocities and targets; default rad
 /// rate_hz = 50                                 # where there is no time column
 /// clock_offset_s = 0.003                       # added to the times of what holds no positions
 /// kp = 20
@@ -46,7 +46,7 @@ pub struct Mapping {
     pub joints: Option<Vec<String>>,
     /// The robot's names of joints that the recording calls otherwise: its name on the left.
     pub joint_names: BTreeMap<String, String>,
-    /// Unit of joint positions, velocities and targets.
+    /// Unit of joint positions, velocities and targets; `slides` are in m whatever it is.
     pub unit: AngleUnit,
     /// Unit of the IMU's angles and rates.
     pub imu_unit: AngleUnit,
@@ -70,6 +70,12 @@ pub struct Mapping {
     /// not hold.
     #[serde(skip)]
     pub observation: Option<Vec<Option<ObservedNumber>>>,
+    /// Whether the mapping itself states `joints`, and not the caller by its robot.
+    #[serde(skip)]
+    pub states_joints: bool,
+    /// Joints of the robot that slide, whose positions are in m; absent if the caller knows no robot.
+    #[serde(skip)]
+    pub slides: Option<Vec<String>>,
     /// Sample rate, Hz, of files without times where nobody states one.
     #[serde(skip)]
     pub usual_rate_hz: Option<f64>,
@@ -207,8 +213,9 @@ impl Mapping {
     /// # Errors
     /// What is not TOML, and keys or values that a mapping does not have.
     pub fn parse(text: &str) -> Result<Mapping, ImportError> {
-        let mapping: Mapping = toml::from_str(text)
+        let mut mapping: Mapping = toml::from_str(text)
             .map_err(|error| ImportError::Mapping { problem: in_a_line(&error, text) })?;
+        mapping.states_joints = mapping.joints.is_some();
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));

@@ -6,15 +6,20 @@ use crate::known::{PER_JOINT, Role, UNITREE_GO, UNITREE_HG, canonical};
 use crate::mapping::{Mapping, Names};
 use crate::observation;
 use crate::table::{Source, Table};
+use crate::used::{MAX_SHOWN, no_column, note_taken};
 use gaitfit_log::column_names::{BASE_QUATERNION, BASE_RATES, ROLL_PITCH_YAW};
 use gaitfit_log::{TimeUnit, recognise_time_unit};
+use gaitfit_model::patterns::plain;
 use gaitfit_model::{listed, shown};
 use indexmap::IndexMap;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Gives every column of a source its name here. Columns without one are left out and listed.
 pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
-    let said = said(&source.tables, mapping)?;
+    let (said, fitted) = said(&source.tables, mapping)?;
+    source.fitted = fitted;
+    let columns = source.tables.iter().flat_map(|table| table.columns.keys());
+    source.columns = columns.take(MAX_SHOWN).cloned().collect();
     let take = &mapping.streams.take;
     note_taken(source, mapping);
     let mut unknown = Vec::new();
@@ -56,7 +61,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                     known = format!("act_{joint}");
                 }
             }
-            known = renamed(known, mapping);
+            known = renamed(known, mapping, &mut source.renamed);
             if let Some(number) = known.strip_prefix("obs_#") {
                 // A number that does not fit is beyond every policy, so `unpack` refuses it.
                 observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
@@ -101,42 +106,16 @@ fn unmeasured(columns: &IndexMap<String, Vec<f64>>) -> Vec<String> {
     missing.filter_map(|(name, _)| quantity(name)).collect()
 }
 
-/// The log's column `known` under the robot's name of its joint.
-fn renamed(known: String, mapping: &Mapping) -> String {
+/// The log's column `known` under the robot's name of its joint; `found` gains the name that it had.
+fn renamed(known: String, mapping: &Mapping, found: &mut Vec<String>) -> String {
     let parts = known.split_once('_').filter(|(prefix, _)| PER_JOINT.contains(prefix));
-    match parts.and_then(|(prefix, joint)| Some((prefix, mapping.joint_names.get(joint)?))) {
-        Some((prefix, robot)) => format!("{prefix}_{robot}"),
+    match parts.and_then(|(prefix, joint)| Some((prefix, joint, mapping.joint_names.get(joint)?))) {
+        Some((prefix, joint, robot)) => {
+            found.push(joint.to_owned());
+            format!("{prefix}_{robot}")
+        }
         None => known,
     }
-}
-
-/// Max number of names of streams in a message.
-const MAX_SHOWN: usize = 20;
-
-/// Notes which names of `streams.take` the source has.
-fn note_taken(source: &mut Source, mapping: &Mapping) {
-    if source.chosen {
-        return;
-    }
-    let mut names: Vec<&String> = source.tables.iter().map(|table| &table.name).collect();
-    names.dedup();
-    let columns = source.tables.iter().flat_map(|table| table.columns.keys());
-    let all: Vec<&String> = names.iter().copied().chain(columns).collect();
-    let begins = |wanted: &&String| all.iter().any(|name| name.starts_with(wanted.as_str()));
-    let taken: Vec<String> = mapping.streams.take.iter().filter(begins).cloned().collect();
-    // Topics are named before their columns; a table's columns are all that it can be asked for by.
-    let shown: Vec<String> = all.iter().take(MAX_SHOWN).map(|name| (*name).clone()).collect();
-    source.taken.extend(taken);
-    source.takeable.extend(shown);
-}
-
-/// Refuses names of `streams.take` that no source has.
-pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), ImportError> {
-    let missing = |wanted: &&String| !sources.iter().any(|source| source.taken.contains(wanted));
-    let Some(wanted) = mapping.streams.take.iter().find(missing) else { return Ok(()) };
-    let names = sources.iter().flat_map(|source| &source.takeable).take(MAX_SHOWN);
-    let found = names.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
-    Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
 
 /// Whether a column of this name would be taken, by the mapping or by its usual name.
@@ -165,9 +144,10 @@ fn is_said(known: &str, mapping: &Mapping) -> bool {
     })
 }
 
-/// Returns the log's names of the columns that the mapping's `[columns]` names.
-fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
+/// Returns the log's names of the columns that the mapping's `[columns]` names, and the names and templates that fit one.
+fn said(tables: &[Table], mapping: &Mapping) -> Result<(IndexMap<String, String>, Vec<String>), ImportError> {
     let mut out = IndexMap::new();
+    let mut fitted = Vec::new();
     let present: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
     let refuse = |problem: String| Err(ImportError::Mapping { problem });
     for (role, names) in named(&mapping.columns) {
@@ -199,20 +179,17 @@ fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>,
                 let is_array =
                     present.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
                 if out.len() == before && !is_array {
-                    return refuse(format!(
-                        "no column fits `{}`; the file has {}",
-                        shown(pattern),
-                        first_names(&present)
-                    ));
+                    return Err(no_column(pattern, &present));
+                }
+                let is_template = pattern.contains("{joint}") || pattern.contains("{index}");
+                // Another file of the recording may have the columns of a template.
+                if out.len() > before || !is_template {
+                    fitted.push(pattern.clone());
                 }
             }
         }
     }
-    Ok(out)
-}
-
-fn first_names(names: &[&String]) -> String {
-    names.iter().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ")
+    Ok((out, fitted))
 }
 
 /// Returns the log's name of column `name` by a pattern with `{joint}` or `{index}`, or as an element of an array.
@@ -250,6 +227,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let numbers: Vec<(bool, usize)> =
         source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
+    source.numbered = !numbers.is_empty();
     // How many motors (of Unitree's messages) or joints are numbered.
     let slots =
         |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
@@ -382,7 +360,14 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
     for table in &mut source.tables {
         for (name, values) in &mut table.columns {
             let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || BASE_RATES.contains(&name.as_str());
-            let is_joint = ["q_", "dq_", "qdes_", "dqdes_"].iter().any(|prefix| name.starts_with(prefix));
+            let prefixes = ["q_", "dq_", "qdes_", "dqdes_"];
+            let joint = prefixes.iter().find_map(|prefix| name.strip_prefix(prefix));
+            // A slide's numbers are in m, whatever the unit of angles is.
+            let slides = |joint| mapping.slides.iter().flatten().any(|slide| plain(slide) == plain(joint));
+            if joint.is_some_and(slides) {
+                continue;
+            }
+            let is_joint = joint.is_some();
             let factor = match (is_joint, is_imu) {
                 (true, _) => mapping.unit.radians(),
                 (_, true) => mapping.imu_unit.radians(),

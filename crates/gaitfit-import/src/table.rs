@@ -80,6 +80,14 @@ pub(crate) struct Source {
     pub taken: Vec<String>,
     /// What `streams.take` leaves out has been left out.
     pub chosen: bool,
+    /// Which names and templates of `[columns]` are columns of this file.
+    pub fitted: Vec<String>,
+    /// Names of columns as the file has them, some of them.
+    pub columns: Vec<String>,
+    /// Which names of `[joint_names]` are joints of this file.
+    pub renamed: Vec<String>,
+    /// Whether the file numbers joints.
+    pub numbered: bool,
     /// What `streams.take` could have named, some of it.
     pub takeable: Vec<String>,
 }

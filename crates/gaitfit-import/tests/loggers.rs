@@ -225,10 +225,37 @@ fn a_recording_states_gains_and_steps_as_a_log_does_and_a_mapping_renames_its_jo
     assert_eq!(import(&[&path], &options).unwrap().trajectory.gains.unwrap().kp, [60.0, 40.0]);
     let stronger = format!("kp = 7\nkd = 0.3\n{mapping}");
     let options = Options { mapping: Mapping::parse(&stronger).unwrap(), ..Options::default() };
-    assert_eq!(import(&[&path], &options).unwrap().trajectory.gains.unwrap().kp, [7.0, 7.0]);
+    let imported = import(&[&path], &options).unwrap();
+    assert_eq!(imported.trajectory.gains.unwrap().kp, [7.0, 7.0]);
+    let said = imported.report.assumed.join("\n");
+    assert!(said.contains("kp of FR_hip is 7, as the mapping states, not 60 as "), "{said}");
     std::fs::write(folder.path().join("log.toml"), "kq = 2\n").unwrap();
     let error = import(&[&path], &options).unwrap_err().to_string();
     assert!(error.contains("log.toml") && error.contains("kq"), "{error}");
+}
+
+#[test]
+fn what_a_mapping_names_in_vain_is_refused_or_said_and_slides_are_not_in_degrees() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.csv");
+    let mut text = "time_s,q_turn,dq_turn,q_slide,dq_slide\n".to_owned();
+    (0..100).for_each(|i| text.push_str(&format!("{},{i},100,{i},100\n", f64::from(i) / 100.0)));
+    std::fs::write(&path, text).unwrap();
+    let read = |mapping: &str, slides: Option<&str>| {
+        let slides = slides.map(|slide| vec![slide.to_owned()]);
+        let mapping = Mapping { slides, ..Mapping::parse(mapping).unwrap() };
+        import(&[&path], &Options { mapping, ..Options::default() })
+    };
+    let error = read("[columns]\ntarget = 'nope_{joint}'\n", None).unwrap_err().to_string();
+    assert!(error.contains("no column fits `nope_{joint}`") && error.contains("q_turn"), "{error}");
+    let left_out = read("joints = ['a', 'b']\n[joint_names]\nx = 'y'\n", None).unwrap().report.left_out;
+    let left_out = left_out.join("\n");
+    assert!(left_out.contains("[joint_names] `x`") && left_out.contains("numbers no joints"), "{left_out}");
+    let degrees = read("unit = 'deg'\n", Some("slide_joint")).unwrap();
+    assert_eq!(degrees.trajectory.position[2..4], [1f64.to_radians(), 1.0]);
+    let unknown = read("unit = 'deg'\n", None).unwrap();
+    assert_eq!(unknown.trajectory.position[2..4], [1f64.to_radians(); 2]);
+    assert!(unknown.report.assumed.iter().any(|line| line.contains("all joints are hinges")));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::attitude::orientation_of_gravity;
 use crate::check::{CheckSpec, FallSign, falls, settle_angles, settle_imu};
-use crate::columns::Layout;
+use crate::columns::{Layout, NO_POSITION};
 use crate::finding::{Finding, FindingKind, Severity};
 use crate::metadata::Metadata;
 use crate::motor::{self, MotorColumns};
@@ -15,7 +15,7 @@ use crate::{
     BaseState, ConvertedTime, Gains, IgnoredColumn, Lead, LogError, ReadReport, TimeUnit, Trajectory,
 };
 use gaitfit_model::rotation::from_rpy;
-use gaitfit_model::{shown_number, shown_path};
+use gaitfit_model::{shown, shown_number, shown_path, shown_sentence};
 use std::path::Path;
 
 /// Sample arrays, one a channel in the order of the reader's channels.
@@ -285,7 +285,18 @@ fn resolve_gains(
         (Some(given), None) => return Err(lone_gain(&given.place, "kp", "kd")),
         (None, Some(given)) => return Err(lone_gain(&given.place, "kd", "kp")),
     };
-    let refuse = |place: &str, problem| LogError::Metadata { place: place.to_owned(), problem };
+    // A list of gains may be longer because a position is missing.
+    let lacking = report.ignored.iter().find(|one| one.reason.starts_with(NO_POSITION));
+    let refuse = |place: &str, mut problem: String| {
+        if let Some(IgnoredColumn { name, reason, .. }) = lacking {
+            problem.push_str(&format!(
+                ". The log has the column `{}`, but {}",
+                shown(name),
+                shown_sentence(reason)
+            ));
+        }
+        LogError::Metadata { place: place.to_owned(), problem }
+    };
     let gains = Gains {
         kp: kp.value.resolve("kp", joints).map_err(|problem| refuse(&kp.place, problem))?,
         kd: kd.value.resolve("kd", joints).map_err(|problem| refuse(&kd.place, problem))?,

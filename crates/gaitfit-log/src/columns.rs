@@ -64,6 +64,9 @@ pub(crate) struct Layout {
 const IMPORT: &str = "Or import the file: `gaitfit import FILE --mapping MAP.toml --out LOG.csv`, where the mapping names \
                       columns and units (`gaitfit new` takes --mapping too)";
 
+/// The beginning of the reason for which a column of a joint without positions is ignored.
+pub(crate) const NO_POSITION: &str = "there is no `q_";
+
 /// A header while its columns are sorted.
 struct Header<'a> {
     path: &'a Path,
@@ -122,7 +125,7 @@ impl Header<'_> {
                 && !joint.is_empty()
                 && !self.known.contains(joint)
             {
-                self.orphans.push((column, format!("there is no `q_{joint}`")));
+                self.orphans.push((column, format!("{NO_POSITION}{joint}`")));
             }
         }
         // A signal may be missing for all joints, but not for some.

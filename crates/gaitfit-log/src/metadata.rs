@@ -70,7 +70,16 @@ fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String])
             entries.len()
         ));
     }
-    let values = patterns::table(entries, "the log", joints).map_err(|error| format!("{what}: {error}"))?;
+    let wrong = |error: patterns::PatternError| format!("{what}: {error}");
+    let values = patterns::table(entries, "the log", joints).map_err(wrong)?;
+    if let Some((lost, winner)) = patterns::without_effect(entries, "the log", joints).map_err(wrong)? {
+        return Err(format!(
+            "{what}: `{}` has no effect, because the later `{}` covers its joints too, and the last entry counts; put the \
+             wider pattern first",
+            shown(lost),
+            shown(winner)
+        ));
+    }
     let given = |(value, joint): (Option<f64>, &String)| {
         value.ok_or_else(|| format!("{what}: no entry matches joint {}; add one", shown(joint)))
     };

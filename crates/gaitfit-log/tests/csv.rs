@@ -177,11 +177,15 @@ fn comments_state_gains_rate_and_robot() {
     assert!(report.rate_from.unwrap().ends_with("log.csv:3"));
 
     // A name goes before patterns, of patterns the last one counts; a final `_joint` does not matter.
-    let ordered = "# kp = { a_joint = 1, \"b*\" = 2, \"*\" = 3 }\n# kd = { \"*\" = 3, \"b*\" = 2 }\n";
+    let ordered = "# kp = { a_joint = 1, \"*\" = 3 }\n# kd = { \"*\" = 3, \"b*\" = 2 }\n";
     let (log, _) =
         read_text(&format!("{ordered}# rate_hz = 100\ntime,q_a,q_b,dq_a,dq_b\n0,0,0,0,0\n")).unwrap();
     assert_eq!(log.gains, Some(Gains { kp: vec![1.0, 3.0], kd: vec![3.0, 2.0] }));
 
+    let lost = message("# kp = { \"b*\" = 2, \"*\" = 3 }\n# kd = 1\ntime,q_a,q_b,dq_a,dq_b\n0,0,0,0,0\n");
+    assert!(lost.contains("kp: `b*` has no effect, because the later `*`"), "{lost}");
+    let short = message("# kp = [1, 2]\n# kd = 1\ntime,q_a,dq_a,dq_b\n0,0,0,0\n");
+    assert!(short.contains("2 entries for 1 joints") && short.contains("there is no `q_b`"), "{short}");
     for (comment, part) in [
         ("kp = 20", "kp without kd"),
         ("kp = [20", "log.csv:1: `kp = [20` is not TOML for `kp`"),

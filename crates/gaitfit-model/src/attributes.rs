@@ -22,6 +22,8 @@ pub(crate) struct Context<'s> {
     pub mesh_folder: String,
     /// Give a floating robot without a floor one.
     pub add_floor: bool,
+    /// Let a floating robot that is clamped touch nothing of the world.
+    pub in_the_air: bool,
     pub dropped: Vec<Dropped>,
     pub changed: Vec<Changed>,
 }

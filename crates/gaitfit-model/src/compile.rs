@@ -130,7 +130,9 @@ pub(crate) fn compile(
     }
     model.dropped = std::mem::take(&mut ctx.dropped);
     model.changed = std::mem::take(&mut ctx.changed);
-    Ok(model)
+    // A robot that its file fixes to the world, such as an arm on a table, keeps that world.
+    let hangs = ctx.in_the_air && !floating && spec.bodies[root].free.is_some();
+    Ok(if hangs { model.in_the_air() } else { model })
 }
 
 /// The actuators of the robot's joints; `joint_numbers`: the model's joints, by those of `spec`.

@@ -24,6 +24,11 @@ impl Model {
         self.couplings.iter().any(|coupling| coupling.follower == index || coupling.leader == Some(index))
     }
 
+    /// Whether joint `index` has a motor. In a file without actuators all joints have one: the PD controller drives them.
+    pub fn is_driven(&self, index: usize) -> bool {
+        self.actuators.is_empty() || self.actuators.iter().any(|actuator| actuator.joint == index)
+    }
+
     /// Whether joint `index` follows another one, or is held, and has no motor of its own.
     pub fn only_follows(&self, index: usize) -> bool {
         self.follows(index) && !self.actuators.iter().any(|actuator| actuator.joint == index)

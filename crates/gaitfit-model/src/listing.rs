@@ -145,11 +145,9 @@ impl Model {
 
     /// Which driven joints have no bound on their torque, in words; `None` if all have one.
     fn unbounded(&self) -> Option<String> {
-        // Without actuators the PD controller still drives every joint.
         let all = self.actuators.is_empty();
-        let drives = |j: &usize| all || self.actuators.iter().any(|a| a.joint == *j);
         let driven: Vec<usize> =
-            (0..self.joints.len()).filter(|j| drives(j) && !self.only_follows(*j)).collect();
+            (0..self.joints.len()).filter(|&j| self.is_driven(j) && !self.only_follows(j)).collect();
         let free: Vec<usize> = driven.iter().copied().filter(|&j| self.effort(j).is_none()).collect();
         if free.is_empty() {
             return None;

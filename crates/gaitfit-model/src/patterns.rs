@@ -2,10 +2,11 @@
 //!
 //! A pattern is a glob: `*` stands for any letters, `?` for one, `[FR]` for one of a list, `{hip,calf}` for one of some
 //! words. A final `_joint` does not matter, neither in the pattern nor in the joint's name: `*_hip`, `*_hip_joint` and
-//! `FL_hip` all cover `FL_hip_joint`. In a table of numbers ([`table`]) a plain name goes before patterns, and of several
+//! `FL_hip` all cover `FL_hip_joint`. A text that is a joint's name, such as `leg[0]`, means that joint alone. In a table
+//! of numbers ([`table`]) a plain name goes before patterns, and of several
 //! patterns that cover a joint the last one counts. A pattern that covers no joint is an error.
 
-use globset::{Glob, GlobMatcher};
+use globset::{Glob, GlobMatcher, escape};
 
 use crate::shown::shown;
 
@@ -77,6 +78,18 @@ impl Pattern {
         Ok(Self { text: text.to_owned(), whole: compiled(text)?, plain: compiled(plain(text))? })
     }
 
+    /// Reads a pattern over these `joints`: a text that is the name of one means that one.
+    ///
+    /// # Errors
+    /// [`PatternError::Syntax`].
+    pub fn over<S: AsRef<str>>(text: &str, joints: &[S]) -> Result<Self, PatternError> {
+        if joints.iter().any(|joint| plain(joint.as_ref()) == plain(text)) {
+            Ok(Self { text: text.to_owned(), ..Self::new(&escape(text))? })
+        } else {
+            Self::new(text)
+        }
+    }
+
     /// As it was written.
     pub fn text(&self) -> &str {
         &self.text
@@ -84,8 +97,9 @@ impl Pattern {
 
     /// Whether it matches the joint.
     pub fn covers(&self, joint: &str) -> bool {
-        // The pattern may end in `_joint` where the joint does not, or the other way round.
-        self.whole.is_match(joint) || self.plain.is_match(plain(joint))
+        // The pattern may end in `_joint` where the joint does not, or the other way round. A name may hold letters that mean
+        // something else in a pattern.
+        self.names(joint) || self.whole.is_match(joint) || self.plain.is_match(plain(joint))
     }
 
     /// Whether it is the joint's name, with or without a final `_joint`.
@@ -125,7 +139,8 @@ pub fn covered<P: AsRef<str>, S: AsRef<str>>(
     robot: &str,
     joints: &[S],
 ) -> Result<Vec<usize>, PatternError> {
-    let patterns = compile(patterns)?;
+    let patterns = patterns.iter().map(|pattern| Pattern::over(pattern.as_ref(), joints));
+    let patterns = patterns.collect::<Result<Vec<_>, _>>()?;
     // Each pattern must cover something: a typing error must not shorten a list in silence.
     for pattern in &patterns {
         if !joints.iter().any(|joint| pattern.covers(joint.as_ref())) {
@@ -149,7 +164,7 @@ pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
     let mut values: Vec<Option<T>> = vec![None; joints.len()];
     let mut named = vec![false; joints.len()];
     for (text, value) in entries {
-        let pattern = Pattern::new(text)?;
+        let pattern = Pattern::over(text, joints)?;
         let mut matches = false;
         for ((slot, named), joint) in values.iter_mut().zip(&mut named).zip(joints) {
             let name = pattern.names(joint.as_ref());
@@ -167,6 +182,42 @@ pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
         }
     }
     Ok(values)
+}
+
+/// The first entry of a [`table`] whose value no joint gets because a later, wider one with another value covers its joints
+/// too; and that later one.
+///
+/// # Errors
+/// [`PatternError`] as of [`table`].
+pub fn without_effect<'e, T: PartialEq + 'e, S: AsRef<str>>(
+    entries: impl IntoIterator<Item = (&'e String, &'e T)>,
+    robot: &str,
+    joints: &[S],
+) -> Result<Option<(&'e str, &'e str)>, PatternError> {
+    let entries: Vec<(&String, &T)> = entries.into_iter().collect();
+    let places: Vec<usize> = (0..entries.len()).collect();
+    // For each joint the entry whose value it gets.
+    let taken = table(entries.iter().map(|(text, _)| *text).zip(&places), robot, joints)?;
+    let mut covers: Vec<Vec<bool>> = Vec::with_capacity(entries.len());
+    for (text, _) in &entries {
+        let pattern = Pattern::over(text, joints)?;
+        covers.push(joints.iter().map(|joint| pattern.covers(joint.as_ref())).collect());
+    }
+    let count = |entry: usize| covers[entry].iter().filter(|covered| **covered).count();
+    for (entry, (text, value)) in
+        entries.iter().enumerate().filter(|(entry, _)| !taken.contains(&Some(*entry)))
+    {
+        // Narrower entries that together cover a wide one are its exceptions.
+        let wider = |later: &usize| {
+            entries[*later].1 != *value
+                && count(*later) > count(entry)
+                && covers[entry].iter().zip(&covers[*later]).all(|(own, other)| *other || !*own)
+        };
+        if let Some(later) = (entry + 1..entries.len()).find(wider) {
+            return Ok(Some((text.as_str(), entries[later].0.as_str())));
+        }
+    }
+    Ok(None)
 }
 
 #[cfg(test)]
@@ -203,6 +254,37 @@ mod tests {
             assert_eq!(values, [Some(1.0), Some(3.0), Some(2.0), Some(3.0)]);
         }
         assert_eq!(numbers(&[("*_hip", 1.0)], &LOG).unwrap(), [Some(1.0), None, Some(1.0), None]);
+    }
+
+    #[test]
+    fn a_joints_name_means_that_joint_whatever_letters_it_has() {
+        let joints = ["leg[01]", "leg0", "a*", "ab", "x{", "y?"];
+        for (place, joint) in joints.iter().enumerate() {
+            assert_eq!(covered(&[joint], "it", &joints).unwrap(), [place], "{joint}");
+            assert!(numbers(&[(*joint, 1.0)], &joints).unwrap()[place].is_some(), "{joint}");
+        }
+        assert_eq!(covered(&["a*b", "leg?"], "it", &joints).unwrap(), [1, 3]);
+    }
+
+    #[test]
+    fn entries_that_later_ones_cover_are_found() {
+        let found = |entries: &[(&str, f64)]| {
+            let owned: Vec<(String, f64)> =
+                entries.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+            let entries = owned.iter().map(|(name, value)| (name, value));
+            let pair = without_effect(entries, "go2", &ROBOT).unwrap();
+            pair.map(|(lost, winner)| (lost.to_owned(), winner.to_owned()))
+        };
+        assert_eq!(found(&[("*_hip", 1.0), ("*", 2.0)]), Some(("*_hip".to_owned(), "*".to_owned())));
+        for right in [
+            &[("*", 2.0), ("*_hip", 1.0)][..],
+            &[("FL_hip", 1.0), ("*", 2.0)],
+            &[("*_hip", 2.0), ("*", 2.0)],
+            &[("FL_*", 1.0), ("*_hip", 2.0)],
+            &[("*", 1.0), ("*_hip", 2.0), ("*_calf", 3.0)],
+        ] {
+            assert_eq!(found(right), None, "{right:?}");
+        }
     }
 
     #[test]

@@ -27,6 +27,9 @@ pub struct ReadOptions {
     /// Give a floating robot of an MJCF file without any plane a floor z = 0, which [`Model::changed`] says. MuJoCo has no
     /// such floor. A URDF always gets one.
     pub add_floor: bool,
+    /// A floating robot that `root` clamps touches nothing of the world: it hangs, as [`Model::in_the_air`] says. A robot that
+    /// its file fixes keeps the file's world.
+    pub in_the_air: bool,
     /// Mend what a strict reading refuses and a robot can be simulated without: links without mass get one, impossible
     /// inertias become possible, unknown parts are dropped. [`Model::changed`] and [`Model::dropped`] list it. The shapes of
     /// meshes and visuals are kept in [`Model::outlines`]. Closed loops and ball joints are refused as ever.
@@ -104,6 +107,7 @@ fn context<'s>(sources: &'s Sources, options: &ReadOptions) -> Context<'s> {
         weighs_meshes: options.mend,
         mesh_folder: String::new(),
         add_floor: options.add_floor,
+        in_the_air: options.in_the_air,
         dropped: Vec::new(),
         changed: Vec::new(),
     }

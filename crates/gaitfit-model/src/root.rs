@@ -2,9 +2,18 @@
 
 use crate::attributes::Context;
 use crate::error::ModelError;
-use crate::model::{FreeJoint, Root};
+use crate::model::{FreeJoint, Model, Root};
 use crate::shown::shown;
 use crate::spec::Spec;
+
+impl Model {
+    /// The robot in the air: without the planes, boxes and height fields of the world, which nothing touches then. Contacts
+    /// between its own parts stay.
+    #[must_use]
+    pub fn in_the_air(self) -> Self {
+        Self { planes: Vec::new(), obstacles: Vec::new(), pairs: Vec::new(), ..self }
+    }
+}
 
 /// Whether `body` is `root` or below it.
 pub(crate) fn is_below(spec: &Spec, mut body: usize, root: usize) -> bool {

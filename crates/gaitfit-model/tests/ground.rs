@@ -44,6 +44,22 @@ fn a_floating_robot_without_a_floor_gets_one_and_it_is_said() {
 }
 
 #[test]
+fn a_floating_robot_in_the_air_touches_nothing_of_the_world_and_an_arm_keeps_its_table() {
+    let world =
+        r#"<geom name="floor" type="plane" size="0 0 1"/><geom name="step" type="box" size="1 1 0.1"/>"#;
+    let text = hopper(&[("world", world)]);
+    let hanging = ReadOptions { root: Some(Root::Fixed), in_the_air: true, ..Default::default() };
+    let model = read_mjcf_str(&text, &hanging).unwrap();
+    assert_eq!((model.planes.len(), model.obstacles.len(), model.pairs.len()), (0, 0, 0));
+    assert_eq!(model.geoms.len(), 1, "only the world is gone");
+    let clamped = ReadOptions { in_the_air: false, ..hanging.clone() };
+    assert_eq!(read_mjcf_str(&text, &clamped).unwrap().pairs.len(), 2);
+    assert_eq!(read_mjcf_str(&text, &ReadOptions { root: None, ..hanging.clone() }).unwrap().pairs.len(), 2);
+    let arm = read_mjcf_str(&text.replace("<freejoint/>", ""), &hanging).unwrap();
+    assert_eq!((arm.planes.len(), arm.obstacles.len(), arm.pairs.len()), (1, 1, 2));
+}
+
+#[test]
 fn pairs_that_name_the_floor_of_a_scene_find_it() {
     let pair = |floor: &str| {
         format!(r#"<contact><pair geom1="foot" geom2="{floor}" condim="3" friction="0.6 0.6"/></contact>"#)

@@ -10,7 +10,7 @@ fn here(path: &str) -> PathBuf {
 }
 
 const LENIENT: ReadOptions =
-    ReadOptions { lenient: true, root: Some(Root::Fixed), add_floor: false, mend: false };
+    ReadOptions { lenient: true, root: Some(Root::Fixed), add_floor: false, in_the_air: false, mend: false };
 
 fn strict(text: &str) -> ModelError {
     read_mjcf_str(text, &ReadOptions::default()).unwrap_err()
@@ -176,6 +176,7 @@ fn mutated_robots_never_panic() {
                 lenient: round % 2 == 0,
                 root: [None, Some(Root::Fixed), Some(Root::Floating)][round % 3],
                 add_floor: round % 5 < 2,
+                in_the_air: round % 11 < 5,
                 mend: round % 7 < 3,
             };
             let result = if path.ends_with("urdf") {

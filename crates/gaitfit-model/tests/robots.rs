@@ -10,7 +10,7 @@ fn file(name: &str) -> PathBuf {
 }
 
 fn robot(name: &str, lenient: bool) -> Result<Model, ModelError> {
-    read(&file(name), &ReadOptions { lenient, root: None, add_floor: true, mend: false })
+    read(&file(name), &ReadOptions { lenient, add_floor: true, ..ReadOptions::default() })
 }
 
 /// File, joints, contact pairs with the ground, and how many things were added or mended.

@@ -27,17 +27,22 @@ pub fn is_go2(model: &Model) -> bool {
 pub enum Hold {
     /// As the file says.
     File,
-    /// Clamped.
+    /// Clamped: a robot that floats in its file hangs in the air and touches nothing of the file's world. A robot that
+    /// its file fixes, such as an arm on a table, keeps that world.
     Clamped,
+}
+
+impl Hold {
+    /// How a file is read.
+    pub fn options(self, lenient: bool) -> ReadOptions {
+        let root = (self == Self::Clamped).then_some(Root::Fixed);
+        ReadOptions { lenient, root, add_floor: true, in_the_air: root.is_some(), ..ReadOptions::default() }
+    }
 }
 
 /// Reads an MJCF or URDF robot for a world of its own: a floating robot whose file has no floor gets one.
 pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
-    let root = match hold {
-        Hold::File => None,
-        Hold::Clamped => Some(Root::Fixed),
-    };
-    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root, add_floor: true, ..Default::default() })?)
+    Ok(gaitfit_model::read(path, &hold.options(lenient))?)
 }
 
 /// The name of the built-in Go2.
@@ -120,6 +125,16 @@ pub fn parts(robot: &Path) -> Vec<PathBuf> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_clamped_robot_hangs_above_the_floor_of_its_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("go2.xml");
+        std::fs::write(&path, gaitfit_model::builtin::GO2).unwrap();
+        let pairs = |hold| read(&path, false, hold).unwrap().pairs.len();
+        assert!(pairs(Hold::File) > 0);
+        assert_eq!(pairs(Hold::Clamped), 0);
+    }
 
     #[test]
     fn a_robots_parts_are_found() {

@@ -1,7 +1,7 @@
 //! Which joints share what is searched.
 
 use super::ThetaError;
-use gaitfit_model::patterns::{Pattern, compile, covered, plain};
+use gaitfit_model::patterns::{Pattern, covered, plain};
 use serde::{Deserialize, Serialize};
 
 /// How many joints share a value, or a network.
@@ -59,7 +59,10 @@ impl Sharing {
                 // Patterns are compiled once, not for each joint.
                 let compiled: Vec<(&str, Vec<Pattern>)> = groups
                     .iter()
-                    .map(|(name, patterns)| Ok((name.as_str(), compile(patterns).map_err(wrong)?)))
+                    .map(|(name, patterns)| {
+                        let patterns = patterns.iter().map(|pattern| Pattern::over(pattern, joints));
+                        Ok((name.as_str(), patterns.collect::<Result<Vec<_>, _>>().map_err(wrong)?))
+                    })
                     .collect::<Result<_, ThetaError>>()?;
                 for joint in covered {
                     let groups: Vec<&str> = compiled

@@ -199,6 +199,8 @@ fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Fail
         // Only the order of numbered joints: a recording with names keeps its own.
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
+        let slides = model.joints.iter().filter(|joint| !joint.kind.is_hinge());
+        mapping.slides = Some(slides.map(|joint| joint.name.clone()).collect());
     }
     // The list of the command line replaces the one of the file: two lists together would take more than either
     // asks for.

@@ -10,7 +10,8 @@ use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::Walking;
 use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::{Theta, ThetaFile};
-use gaitfit_model::Model;
+use gaitfit_model::patterns::plain;
+use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use gaitfit_policy_files as policy;
 use gaitfit_sim::Candidate;
@@ -150,6 +151,7 @@ impl Logs {
             }
         }
         warnings.extend(doubts);
+        warnings.extend(unused_names(config, fit.iter().chain(validate.iter().flatten())));
         let walks = method.walking().is_some();
         warnings.extend(log::lead_note(&fit, walks)?);
         // Only errors count here: the note above is about the logs that are fitted.
@@ -164,6 +166,22 @@ impl Logs {
         let logs = self.fit.iter().chain(self.validate.iter().flatten());
         logs.flat_map(|log| std::iter::once(&log.path).chain(&log.sidecars)).cloned().collect()
     }
+}
+
+/// Names of `[joint_names]` that no log has, though their joints are there under other names.
+fn unused_names<'a>(config: &AdaptConfig, logs: impl Iterator<Item = &'a Log> + Clone) -> Vec<String> {
+    let unused = config.joint_names.iter().filter(|(of_log, of_robot)| {
+        let has = |names: &[String], wanted: &str| names.iter().any(|name| plain(name) == plain(wanted));
+        // Joints that the fit does not use are not read.
+        !logs.clone().any(|log| log.joints.contains(of_log))
+            && logs.clone().any(|log| has(&log.trajectory.joints, of_robot))
+    });
+    unused
+        .map(|(of_log, of_robot)| {
+            let (of_log, of_robot) = (shown(of_log), shown(of_robot));
+            format!("[joint_names] has `{of_log}`, which no log has; the logs name the robot's `{of_robot}` otherwise")
+        })
+        .collect()
 }
 
 /// Logs for validation.

@@ -24,11 +24,14 @@ use crate::walk::walking::{self, rest_angles};
 use crate::watch::Watch;
 use crate::{Error, theta};
 use gaitfit_adapt::fit::Method as Search;
-use gaitfit_adapt::{ParameterRule, RobotRule, Theta, ThetaError};
+use gaitfit_adapt::{Entry, ParameterRule, RobotRule, Theta, ThetaError};
 use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use std::path::Path;
+
+/// A prior so far beyond a bound, as a part of the range, is no scatter about the bound.
+const BEYOND: f64 = 0.01;
 
 impl Setup {
     /// See [`super::Opening::open`].
@@ -94,7 +97,7 @@ impl Setup {
         let theta = theta.with_priors(&config.prior, config.optimizer.prior_weight).map_err(in_file)?;
         let named =
             if config.odd_joints { with_springs(&config, &method, &method.joints())? } else { theta.clone() };
-        warnings.extend(unused(&config, &named, &logs.validate)?);
+        warnings.extend(unused(stated, &named, &logs.validate)?);
         let falling = logs.falling;
         // Every set gets the falls of all logs, because all logs are of one robot.
         let several =
@@ -301,7 +304,7 @@ fn corrected(config: &AdaptConfig) -> bool {
     fits || config.costs.iter().any(|&cost| robots::applies(config, cost))
 }
 
-/// Settings that name something this run does not have: harmless, or a slip of the pen.
+/// Settings that name something this run does not have, and priors outside bounds: harmless, or a slip of the pen.
 fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<Vec<String>, Error> {
     let mut warnings = Vec::new();
     let fitted = |name: &String| theta.entries().iter().any(|entry| entry.name == *name);
@@ -309,6 +312,21 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
     for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
         if !fitted(name) {
             warnings.push(format!("[{table}] has `{name}`, which is not fitted"));
+        }
+    }
+    for (name, prior) in &config.prior {
+        let entry = theta.entries().iter().find(|entry| entry.name == *name);
+        // Estimates of numbers that are 0 scatter about it, so a prior may be a little beyond.
+        let beyond = |entry: &&Entry| {
+            let room = BEYOND * (entry.upper - entry.lower);
+            prior.value < entry.lower - room || prior.value > entry.upper + room
+        };
+        if let Some(Entry { lower, upper, .. }) = entry.filter(beyond) {
+            warnings.push(format!(
+                "[prior] has {name} = {}, outside its bounds {lower} to {upper}: the search begins at the nearer bound; widen \
+                 the bounds or correct the prior",
+                prior.value
+            ));
         }
     }
     // A pattern that matches nothing may be a slip of the pen: its logs keep the gains that they state.
@@ -322,4 +340,23 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<
         }
     }
     Ok(warnings)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::Prior;
+
+    #[test]
+    fn a_prior_outside_its_bounds_is_named_and_scatter_about_a_bound_is_not() {
+        let groups = [("knee".to_owned(), vec!["*".to_owned()])];
+        let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups, &["knee".to_owned()]).unwrap();
+        let said = |value: f64| {
+            let prior = [("frictionloss_knee".to_owned(), Prior::new(value, 0.1))].into();
+            unused(&AdaptConfig { prior, ..AdaptConfig::default() }, &theta, &[]).unwrap()
+        };
+        assert!(said(0.1).is_empty() && said(-0.001).is_empty());
+        assert!(said(9.0)[0].contains("frictionloss_knee = 9, outside its bounds 0 to "), "{:?}", said(9.0));
+    }
 }

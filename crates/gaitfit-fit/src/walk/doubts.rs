@@ -83,16 +83,21 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     // Log and interface list their gains in the policy's order.
     let differs = |read: &Read| {
         let gains = read.trajectory.gains.as_ref()?;
-        let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));
-        pairs
-            .into_iter()
-            .find(|(log, policy)| (*log - *policy).abs() > GAINS * policy.abs())
-            .map(|(l, p)| (*l, *p))
+        [("kp", &gains.kp, &interface.kp), ("kd", &gains.kd, &interface.kd)].into_iter().find_map(
+            |(what, log, policy)| {
+                let mut pairs = interface.joints.iter().zip(log.iter().zip(policy));
+                let (joint, (log, policy)) =
+                    pairs.find(|(_, (log, policy))| (*log - *policy).abs() > GAINS * policy.abs())?;
+                Some((what, joint.clone(), *log, *policy))
+            },
+        )
     };
-    if let Some((read, (log, policy))) = reads.iter().find_map(|read| Some((read, differs(read)?))) {
+    if let Some((read, (what, joint, log, policy))) =
+        reads.iter().find_map(|read| Some((read, differs(read)?)))
+    {
         warnings.push(format!(
-            "{}: the log was made with a gain of {log} where the policy has {policy}; the simulated robot has the \
-             policy's",
+            "{}: the log was made with {what} {log} of joint `{joint}`, and the policy has {policy}; the simulated robot has \
+             the policy's gains",
             read.file.name
         ));
     }

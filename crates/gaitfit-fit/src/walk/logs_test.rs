@@ -271,7 +271,7 @@ fn gains_and_robots_that_differ_are_told() {
         log.gains = Some(gaitfit_log::Gains { kp: vec![40.0; 12], kd: vec![0.5; 12] });
     });
     let notes = bench.read(&odd).unwrap();
-    assert!(warned(&notes, "a gain of 40 where the policy has 25"), "{:?}", notes.warnings);
+    assert!(warned(&notes, "made with kp 40 of joint `"), "{:?}", notes.warnings);
     assert!(warned(&notes, "robot `b2`"), "{:?}", notes.warnings);
 }
 

@@ -9,7 +9,7 @@ use crate::robot::{self, Hold};
 use crate::settings::{self, AdaptConfig, LoopConfig, groups};
 use crate::{Error, files, init, paths, policy_file, robot_file};
 use gaitfit_log::PerJoint;
-use gaitfit_model::{Model, ReadOptions, Root, builtin, read_mjcf_str, shown, shown_number};
+use gaitfit_model::{Model, builtin, read_mjcf_str, shown, shown_number};
 use gaitfit_policy::Policy;
 use logs::Logs;
 use serde::Serialize;
@@ -152,10 +152,7 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
     let model = match &settings.robot {
         // Its file is not written yet.
-        Some(_) if file.is_some() => {
-            let clamped = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
-            read_mjcf_str(builtin::GO2, &clamped)?
-        }
+        Some(_) if file.is_some() => read_mjcf_str(builtin::GO2, &Hold::Clamped.options(false))?,
         Some(path) => robot::read(path, settings.lenient, hold)?,
         None => robot::go2()?,
     };
