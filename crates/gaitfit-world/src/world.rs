@@ -48,7 +48,8 @@ impl WorldSettings {
         match &self.task {
             _ if !error.is_of_task() => error,
             Some(name) => error.within(format!("--task {name}:")),
-            None => error.within(format!("{}: the policy's own task:", self.policy.display())),
+            None => error
+                .within(format!("{}: the policy's own task (--task gives another):", self.policy.display())),
         }
     }
 
