@@ -150,7 +150,11 @@ impl World {
         // Springs change the model itself, so they come before θ is applied to it.
         for spring in &args.spring {
             let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
-            changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
+            let joint = model.find_joint(&spring.joint);
+            let kind = joint.map(|joint| model.joints[joint].kind).unwrap_or_default();
+            let (per, unit) = (kind.unit("N·m/rad"), kind.unit("rad"));
+            changes
+                .push(format!("spring {} {per} about {rest} {unit} on {}", spring.stiffness, spring.joint));
         }
         let mut candidate = match &theta {
             Some((path, file)) => {
