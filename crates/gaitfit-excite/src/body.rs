@@ -5,7 +5,7 @@ use gaitfit_adapt::{JointParameter, ParameterRule, Sharing, Theta};
 use gaitfit_fit::air::choices;
 use gaitfit_log::{Gains, PerJoint, Trajectory};
 use gaitfit_model::patterns::{covered, table};
-use gaitfit_model::{JointKind, Model, shown, shown_number};
+use gaitfit_model::{JointKind, Model, shown, shown_number, significant};
 use gaitfit_settings::settings::{self, AdaptConfig};
 use gaitfit_settings::{Error, robot};
 use gaitfit_sim::Recording;
@@ -259,7 +259,7 @@ impl Body {
             self.notes.push(format!(
                 "the robot file has no range of {}: within {} rad of the middle was taken",
                 listed(&bare),
-                shown_number(ROOM * settings.amplitude)
+                significant(ROOM * settings.amplitude, 4)
             ));
         }
         Ok(())

@@ -5,7 +5,7 @@ use super::body::Body;
 use super::settings::{ChirpSettings, MAX_SAMPLES};
 use super::sweep::Sweep;
 use gaitfit_adapt::{JointParameter, ReplaySimulator, Rollout, Signals, Simulator, SimulatorError, Theta};
-use gaitfit_model::{shown, shown_number};
+use gaitfit_model::{shown, significant};
 use gaitfit_physics::Preset;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_run::machine;
@@ -36,6 +36,9 @@ const MIN_SHARE: f64 = 0.02;
 const SLOWEST: f64 = 0.25;
 /// Exponent of the factor for joints that carry the joint, or hang on it.
 const NEIGHBOUR: f64 = 0.3;
+
+/// Digits of numbers in messages.
+const DIGITS: usize = 4;
 
 /// A limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -186,7 +189,7 @@ impl<'a> Trial<'a> {
         for (entry, value) in self.theta.entries().iter().zip(&self.robots[at]) {
             if !said.contains(&entry.kind) {
                 said.push(entry.kind);
-                words.push(format!("{} {}", entry.kind, shown_number(*value)));
+                words.push(format!("{} {}", entry.kind, significant(*value, DIGITS)));
             }
         }
         format!("the robot with {}", words.join(", "))
@@ -308,13 +311,15 @@ impl<'a> Trial<'a> {
         let kind = body.model.joints[joint].kind;
         let limit = match limit {
             Limit::Position => {
-                let [low, high] = body.range[joint].map(shown_number);
+                let [low, high] = body.range[joint].map(|limit| significant(limit, DIGITS));
                 format!("position, {low} to {high} {}", kind.unit("rad"))
             }
             Limit::Velocity => {
-                format!("velocity, {} {}", shown_number(body.velocity[joint]), kind.unit("rad/s"))
+                format!("velocity, {} {}", significant(body.velocity[joint], DIGITS), kind.unit("rad/s"))
             }
-            Limit::Torque => format!("torque, {} {}", shown_number(body.torque[joint]), kind.unit("N·m")),
+            Limit::Torque => {
+                format!("torque, {} {}", significant(body.torque[joint], DIGITS), kind.unit("N·m"))
+            }
         };
         let who = match robot {
             robot if robot < self.robots.len() => self.describe(robot),
@@ -413,7 +418,7 @@ pub(super) fn shrink(
                 "no chirp of {} stays within the limits: even {} rad is too much ({why}); give a lower last \
                  `frequency` (--frequency), another `pose` (--pose), other gains, or a smaller `margin` (--margin)",
                 shown(&body.names[joint]),
-                shown_number(sweep.joints[joint].amplitude)
+                significant(sweep.joints[joint].amplitude, DIGITS)
             )));
         }
     }

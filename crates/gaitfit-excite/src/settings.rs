@@ -124,12 +124,12 @@ impl ChirpSettings {
             )
         } else if !within(self.margin, 0.0, 0.9) {
             format!("`margin` (--margin) is {}; give a part from 0 to 0.9", number(self.margin))
-        } else if self.velocity_limit.is_some_and(|limit| !within(limit, 1e-3, 1e6)) {
-            "`velocity_limit` (--velocity-limit) must be above 0 rad/s".to_owned()
-        } else if self.torque_limit.is_some_and(|limit| !within(limit, 1e-3, 1e6)) {
-            "`torque_limit` (--torque-limit) must be above 0 N·m".to_owned()
+        } else if let Some(limit) = self.velocity_limit.filter(|limit| !within(*limit, 1e-3, 1e6)) {
+            format!("`velocity_limit` (--velocity-limit) is {} rad/s; give 1e-3 to 1e6", number(limit))
+        } else if let Some(limit) = self.torque_limit.filter(|limit| !within(*limit, 1e-3, 1e6)) {
+            format!("`torque_limit` (--torque-limit) is {} N·m; give 1e-3 to 1e6", number(limit))
         } else if !within(self.difference, 1e-12, 1e3) {
-            "`difference` (--difference) must be above 0".to_owned()
+            format!("`difference` (--difference) is {}; give 1e-12 to 1000", number(self.difference))
         } else if let Some((joint, angle)) = self.pose.iter().find(|(_, angle)| !angle.is_finite()) {
             format!("`pose` (--pose) has {joint} at {angle}; give an angle in rad")
         } else {

@@ -130,6 +130,7 @@ fn bad_inputs_are_refused_by_name() {
         (ChirpSettings { margin: 1.0, ..short() }, "--margin"),
         (ChirpSettings { velocity_limit: Some(-1.0), ..short() }, "--velocity-limit"),
         (ChirpSettings { torque_limit: Some(f64::NAN), ..short() }, "--torque-limit"),
+        (ChirpSettings { torque_limit: Some(1e-9), ..short() }, "is 1e-9 N·m; give 1e-3 to 1e6"),
         (ChirpSettings { difference: 0.0, ..short() }, "--difference"),
         (ChirpSettings { joints: vec!["tail".to_owned()], ..short() }, "--joints"),
         (ChirpSettings { pose: vec![("FL_hip".to_owned(), f64::NAN)], ..short() }, "--pose"),

@@ -7,6 +7,7 @@
 mod copies;
 mod falls;
 mod following;
+mod gross;
 mod imu;
 mod joints;
 pub(crate) mod lag;
@@ -94,6 +95,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     imu::check(&mut findings, scales.shared.is_none_or(|shared| scale::equal(shared, 1.0)));
     velocity::check(&mut findings, &scales, rate_is_said);
     lag::check(&mut findings, &scales);
+    gross::check(&mut findings, spec);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
     // A stable sort: findings of one severity stay in the order of the checks.

@@ -70,6 +70,12 @@ pub enum FindingKind {
     VelocityMismatch,
     /// Velocities lag behind positions.
     VelocityLag,
+    /// A position jumps further than its velocity explains.
+    PositionJump,
+    /// A position stands still while the joint moves.
+    FrozenPosition,
+    /// A single velocity far from those beside it.
+    VelocitySpike,
     /// A signal or torque that is cut off at a bound.
     Saturated,
     /// One joint does not do what its target asks.
@@ -168,6 +174,9 @@ impl FindingKind {
             FindingKind::FrozenTarget => "frozen-target",
             FindingKind::VelocityMismatch => "velocity-mismatch",
             FindingKind::VelocityLag => "velocity-lag",
+            FindingKind::PositionJump => "position-jump",
+            FindingKind::FrozenPosition => "frozen-position",
+            FindingKind::VelocitySpike => "velocity-spike",
             FindingKind::Saturated => "saturated",
             FindingKind::JointNotFollowing => "joint-not-following",
             FindingKind::Stuck => "stuck",

@@ -1,6 +1,8 @@
 //! Every finding has a case that raises it, on a log that is healthy otherwise, and healthy logs raise none.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "check/gross.rs"]
+mod gross;
 #[path = "check/motion.rs"]
 mod motion;
 

@@ -55,6 +55,31 @@ pub fn plain(joint: &str) -> &str {
     joint.strip_suffix("_joint").filter(|name| !name.is_empty()).unwrap_or(joint)
 }
 
+/// Legs that names begin with in capitals: left or right with front, middle, hind, rear or back.
+const LEGS: [&str; 17] =
+    ["LF", "RF", "LM", "RM", "LH", "RH", "LR", "RR", "FL", "FR", "RL", "ML", "MR", "HL", "HR", "BL", "BR"];
+
+/// A joint's name without a leg's number or capitals at its beginning: `leg0_hip`, `leg_0_hip` and `LFHip` are `hip` or `Hip`.
+pub fn without_leg(joint: &str) -> &str {
+    let separator = ['_', '.', '-', '/', ' '];
+    let numbered = ["leg", "Leg", "LEG"].iter().find_map(|leg| {
+        let rest = joint.strip_prefix(leg)?;
+        let number = rest.strip_prefix(separator).unwrap_or(rest);
+        let after = number.trim_start_matches(|letter: char| letter.is_ascii_digit());
+        // Without a digit it is no number.
+        let after = after.strip_prefix(separator).filter(|_| after.len() < number.len())?;
+        (!after.is_empty()).then_some(after)
+    });
+    let capitals = || {
+        let after = LEGS.iter().find_map(|leg| joint.strip_prefix(leg))?;
+        let mut letters = after.chars();
+        // A word begins behind the leg.
+        let word = letters.next()?.is_ascii_uppercase() && letters.next()?.is_ascii_lowercase();
+        word.then_some(after)
+    };
+    numbered.or_else(capitals).unwrap_or(joint)
+}
+
 /// A pattern over joint names.
 #[derive(Clone, Debug)]
 pub struct Pattern {

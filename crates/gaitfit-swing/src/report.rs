@@ -4,7 +4,7 @@ use crate::torques::Drag;
 use crate::walk::Walk;
 use gaitfit_log::Estimate;
 use gaitfit_model::Model;
-use gaitfit_model::patterns::plain;
+use gaitfit_model::patterns::{plain, without_leg};
 use serde::{Deserialize, Serialize};
 
 /// Walks that last longer than this together are long, s.
@@ -182,20 +182,39 @@ pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
     let is_clear = |index: usize| model.joints[index].kind.is_hinge() && !model.is_coupled(index);
     for (index, joint) in model.joints.iter().enumerate().filter(|(index, _)| is_clear(*index)) {
         let last = usual_group(&joint.name);
-        match groups.iter_mut().find(|(known, _)| *known == last) {
-            Some((_, joints)) => joints.push(index),
+        match groups.iter().position(|(known, _)| *known == last) {
+            // Two joints of one limb are not alike, though their names may be.
+            Some(at) if groups[at].1.iter().any(|&other| in_one_limb(model, index, other)) => {
+                let mut name = plain(&joint.name).to_owned();
+                while groups.iter().any(|(known, _)| *known == name) {
+                    name.push('_');
+                }
+                groups.push((name, vec![index]));
+            }
+            Some(at) => groups[at].1.push(index),
             None => groups.push((last, vec![index])),
         }
     }
     groups
 }
 
+/// Whether one of two joints carries the other.
+fn in_one_limb(model: &Model, a: usize, b: usize) -> bool {
+    let carried_by = |a: usize, b: usize| {
+        let up = |body: &usize| model.bodies[*body].parent;
+        std::iter::successors(Some(model.joints[a].body), up).any(|body| body == model.joints[b].body)
+    };
+    carried_by(a, b) || carried_by(b, a)
+}
+
 /// Name of the joint's group in [`usual_groups`]: its own name without what says on which side or leg it is.
 pub fn usual_group(joint: &str) -> String {
     // Unitree's legs are FL to RR, ANYmal's LF to RH, Spot's fl to hr; humanoids have left and right.
-    const SIDES: [&str; 16] =
-        ["fl", "fr", "rl", "rr", "hl", "hr", "bl", "br", "lf", "rf", "lh", "rh", "l", "r", "left", "right"];
-    let name = plain(joint);
+    const SIDES: [&str; 19] = [
+        "fl", "fr", "rl", "rr", "hl", "hr", "bl", "br", "lf", "rf", "lm", "rm", "lh", "rh", "lr", "l", "r",
+        "left", "right",
+    ];
+    let name = without_leg(plain(joint));
     let parts: Vec<&str> = name.split('_').collect();
     let kept: Vec<&str> =
         parts.iter().copied().filter(|part| !SIDES.contains(&part.to_lowercase().as_str())).collect();
@@ -216,6 +235,19 @@ mod tests {
         assert_eq!(groups[2].1, [2, 5, 8, 11]);
         assert_eq!(usual_group("left_hip_pitch"), "hip_pitch");
         assert_eq!(usual_group("R"), "R");
+        assert_eq!(
+            ["leg0_femur_joint", "leg_5_femur", "LMFemur"].map(usual_group),
+            ["femur", "femur", "Femur"]
+        );
+    }
+
+    #[test]
+    fn joints_of_one_limb_are_in_two_groups() {
+        let mut model = gaitfit_model::builtin::go2().unwrap();
+        // The thigh of the first leg gets the name of its own hip, but for the side.
+        model.joints[1].name = "hip".to_owned();
+        let groups = usual_groups(&model);
+        assert_eq!((groups[0].1.as_slice(), groups[1].1.as_slice()), (&[0, 3, 6, 9][..], &[1][..]));
     }
 
     #[test]

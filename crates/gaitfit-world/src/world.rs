@@ -48,7 +48,8 @@ impl WorldSettings {
         match &self.task {
             _ if !error.is_of_task() => error,
             Some(name) => error.within(format!("--task {name}:")),
-            None => error.within(format!("{}: the policy's own task:", self.policy.display())),
+            None => error
+                .within(format!("{}: the policy's own task (--task gives another):", self.policy.display())),
         }
     }
 
@@ -149,7 +150,11 @@ impl World {
         // Springs change the model itself, so they come before θ is applied to it.
         for spring in &args.spring {
             let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
-            changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
+            let joint = model.find_joint(&spring.joint);
+            let kind = joint.map(|joint| model.joints[joint].kind).unwrap_or_default();
+            let (per, unit) = (kind.unit("N·m/rad"), kind.unit("rad"));
+            changes
+                .push(format!("spring {} {per} about {rest} {unit} on {}", spring.stiffness, spring.joint));
         }
         let mut candidate = match &theta {
             Some((path, file)) => {

@@ -26,9 +26,9 @@ FindingKind = Literal[
     "malformed", "missing-joint", "extra-joint", "joint-order", "too-short", "non-monotonic-time", "time-gap",
     "irregular-time", "coarse-time", "time-unit", "rate-mismatch", "repeated-rows", "not-finite", "beyond-position-limit",
     "beyond-velocity-limit", "suspect-unit", "constant-signal", "frozen-target", "velocity-mismatch", "velocity-lag",
-    "saturated", "joint-not-following", "stuck", "lying", "fallen", "hanging", "target-is-position", "jumps-to-zero",
-    "gains-change", "feed-forward", "quaternion-order", "imu-frame", "imu-unit", "imu-sign", "imu-mounting",
-    "imu-mismatch", "gyro-bias", "gyro-lag", "joint-sign",
+    "position-jump", "frozen-position", "velocity-spike", "saturated", "joint-not-following", "stuck", "lying", "fallen",
+    "hanging", "target-is-position", "jumps-to-zero", "gains-change", "feed-forward", "quaternion-order", "imu-frame",
+    "imu-unit", "imu-sign", "imu-mounting", "imu-mismatch", "gyro-bias", "gyro-lag", "joint-sign",
 ]
 Preset = Literal["fast", "accurate", "converged"]
 ParameterKind = Literal[
@@ -363,10 +363,11 @@ class Fit(Settings):
             ``extra-joint``, ``joint-order``, ``too-short``, ``non-monotonic-time``, ``time-gap``, ``irregular-time``,
             ``coarse-time``, ``time-unit``, ``rate-mismatch``, ``repeated-rows``, ``not-finite``,
             ``beyond-position-limit``, ``beyond-velocity-limit``, ``suspect-unit``, ``constant-signal``,
-            ``frozen-target``, ``velocity-mismatch``, ``velocity-lag``, ``saturated``, ``joint-not-following``, ``stuck``,
-            ``lying``, ``fallen``, ``hanging``, ``target-is-position``, ``jumps-to-zero``, ``gains-change``,
-            ``feed-forward``, ``quaternion-order``, ``imu-frame``, ``imu-unit``, ``imu-sign``, ``imu-mounting``,
-            ``imu-mismatch``, ``gyro-bias``, ``gyro-lag``, ``joint-sign``.
+            ``frozen-target``, ``velocity-mismatch``, ``velocity-lag``, ``position-jump``, ``frozen-position``,
+            ``velocity-spike``, ``saturated``, ``joint-not-following``, ``stuck``, ``lying``, ``fallen``, ``hanging``,
+            ``target-is-position``, ``jumps-to-zero``, ``gains-change``, ``feed-forward``, ``quaternion-order``,
+            ``imu-frame``, ``imu-unit``, ``imu-sign``, ``imu-mounting``, ``imu-mismatch``, ``gyro-bias``, ``gyro-lag``,
+            ``joint-sign``.
         costs: Costs to fit, one independent fit each. One of ``wass``, ``matcho``, ``matchr1``, ``matchr2``, ``matchr5``,
             ``matchr10``, ``matchr20``, ``matchs``, ``matchs1``, ``matchs5``, ``matchs10``, ``matchs20``, ``matchs50``.
             Default: ['matcho'], of walks ['wass'].

@@ -18,7 +18,7 @@ const AWAY: f64 = 0.05;
 /// Longest run of zeros that counts as a jump, samples.
 const LONGEST: usize = 3;
 /// Min number of jumps that are no single damaged row.
-const JUMPS: usize = 2;
+pub(super) const JUMPS: usize = 2;
 
 pub(super) fn check(findings: &mut Findings) {
     copies(findings);

@@ -278,7 +278,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     let links = anatomy.links(model).map(|links| format!(", {links}")).unwrap_or_default();
     say("feet", format!("{}{links}: {}", feet.join(", "), anatomy.how()));
     say("gait", anatomy.gait_in_words());
-    say("pose", pose.how());
+    say("pose", pose.how(sizes));
     say(
         "size",
         format!(

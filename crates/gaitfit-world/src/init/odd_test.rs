@@ -4,7 +4,7 @@
 
 use super::{InitError, look};
 use gaitfit_learn::task::Task;
-use gaitfit_model::{Model, ReadOptions, read_urdf_str};
+use gaitfit_model::{Model, ReadOptions, read_mjcf_str, read_urdf_str};
 use gaitfit_physics::Preset;
 use gaitfit_sim::Candidate;
 
@@ -153,6 +153,59 @@ fn a_keyframe_with_folded_legs_is_no_standing_pose() {
     // As in Unitree's own B2: feet a fifth of the legs' length below the hips.
     let (stood_up, by_keyframe) = height(1.15, -2.45);
     assert!(!by_keyframe && stood_up > 0.25, "{stood_up}");
+}
+
+/// A robot of so many equal legs around its base; each bends about an axis across its direction. `first`: how far
+/// thigh and knee of the first leg turn, rad.
+fn radial(legs: usize, first: f64) -> Model {
+    let leg = |leg: usize| {
+        let turn = std::f64::consts::TAU * leg as f64 / legs as f64;
+        let (sine, cosine) = turn.sin_cos();
+        let range = if leg == 0 { first } else { 2.4 };
+        format!(
+            "<body pos=\"{} {} 0\" euler=\"0 0 {turn}\"><joint name=\"hip{leg}\" axis=\"0 0 1\" range=\"-.7 .7\"/><geom size=\".02\" \
+             contype=\"0\" conaffinity=\"0\"/><body pos=\".05 0 0\"><joint name=\"thigh{leg}\" axis=\"0 1 0\" range=\"-{range} {range}\"/>\
+             <geom type=\"capsule\" fromto=\"0 0 0 0 0 -.15\" size=\".02\" contype=\"0\" conaffinity=\"0\"/><body pos=\"0 0 -.15\">\
+             <joint name=\"knee{leg}\" axis=\"0 1 0\" range=\"-{range} {range}\"/><geom type=\"capsule\" fromto=\"0 0 0 0 0 -.12\" size=\".015\" \
+             contype=\"0\" conaffinity=\"0\"/><geom name=\"foot{leg}\" pos=\"0 0 -.15\" size=\".02\"/></body></body></body>",
+            0.2 * cosine,
+            0.2 * sine
+        )
+    };
+    let motors: String = (0..legs)
+        .flat_map(|leg| {
+            ["hip", "thigh", "knee"]
+                .map(|part| format!("<motor joint=\"{part}{leg}\" ctrlrange=\"-15 15\"/>"))
+        })
+        .collect();
+    let text = format!(
+        "<mujoco><compiler angle=\"radian\"/><worldbody><body pos=\"0 0 .32\"><freejoint/><geom type=\"box\" size=\".1 .1 .03\" \
+         mass=\"4\"/>{}</body></worldbody><actuator>{motors}</actuator></mujoco>",
+        (0..legs).map(leg).collect::<String>()
+    );
+    read_mjcf_str(&text, &ReadOptions { add_floor: true, ..ReadOptions::default() }).unwrap()
+}
+
+#[test]
+fn legs_around_the_base_all_bend_and_stand() {
+    for legs in [3, 5, 6, 8] {
+        let model = radial(legs, 2.4);
+        let known = look(&model).unwrap();
+        let pose = &known.settings.policy.default_pose;
+        for leg in 0..legs {
+            let [thigh, knee] = ["thigh", "knee"].map(|part| pose[&format!("{part}{leg}")]);
+            // With two equal parts the hip is 0.8 of their length above the foot: 2 acos(0.8).
+            assert!(
+                (thigh.abs() - 0.6435).abs() < 2e-3 && (knee + 2.0 * thigh).abs() < 4e-3,
+                "{legs}: {pose:?}"
+            );
+        }
+        assert_eq!(known.settings.feet.len(), legs);
+        assert!(known.text.contains("base level"), "{}", known.text);
+    }
+    // A leg that cannot bend as far as the others.
+    let known = look(&radial(6, 0.2)).unwrap();
+    assert!(!known.text.contains("base level") && known.text.contains("does not stand level: foot1, foot2"));
 }
 
 #[test]

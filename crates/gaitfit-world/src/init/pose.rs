@@ -2,8 +2,9 @@
 
 use super::anatomy::{Anatomy, Leg};
 use super::level::Sole;
+use super::sizes::Sizes;
 use gaitfit_model::kinematics::{Frame, body_frames};
-use gaitfit_model::rotation::{dot, quat_of, rotate, sub, up};
+use gaitfit_model::rotation::{dot, quat_of, rotate, sub, unit, up};
 use gaitfit_model::{JointKind, Model, shown};
 
 /// Names of keyframes that stand, best first.
@@ -38,10 +39,14 @@ pub struct Pose {
 
 impl Pose {
     /// Source of the pose, in words.
-    pub fn how(&self) -> String {
-        match &self.keyframe {
-            Some(name) => format!("keyframe `{}`", shown(name)),
-            None => "a guess: feet under the hips, knees bent, base level".to_owned(),
+    pub fn how(&self, sizes: &Sizes) -> String {
+        match (&self.keyframe, &sizes.hanging) {
+            (Some(name), _) => format!("keyframe `{}`", shown(name)),
+            (None, None) => "a guess: feet under the hips, knees bent, base level".to_owned(),
+            (None, Some((feet, above))) => format!(
+                "a guess that does not stand level: {} up to {above:.2} m above the ground; correct it",
+                feet.join(", ")
+            ),
         }
     }
 }
@@ -159,9 +164,16 @@ pub fn lifted(model: &Model, anatomy: &Anatomy, legs: &[usize], angles: &[f64]) 
     lifted
 }
 
-/// A leg as far as it bends in the vertical plane.
+/// The base's sideways axis, about which knees turn.
+const SIDEWAYS: [f64; 3] = [0.0, 1.0, 0.0];
+/// Cosine of the angle between a leg's direction from the base and the plane of a knee that points there.
+const OUTWARD: f64 = 0.4;
+
+/// A leg as far as it bends in a vertical plane.
 struct Chain {
-    /// Joints that turn about the sideways axis, from the hip on.
+    /// The axis about which it bends, level and of length 1: sideways, or across a leg that points away from the base.
+    side: [f64; 3],
+    /// Joints that turn about this axis, from the hip on.
     pitch: Vec<usize>,
     /// Joints of `pitch` that do not follow others.
     free: Vec<usize>,
@@ -174,14 +186,21 @@ struct Chain {
 impl Chain {
     /// Reads a leg with its joints at `frames`; `None` if it does not bend, or has no length.
     fn new(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<Self> {
-        let sideways = |joint: &usize| {
-            // Within 45° of the sideways axis.
-            model.joints[*joint].kind.is_hinge() && axis(model, *joint, frames)[1].abs() > 0.7
-        };
-        let of_leg = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
         // Joints that follow others bend the leg too, though they have no angle of their own to choose.
-        let pitch: Vec<usize> =
-            leg.path.iter().copied().filter(|joint| of_leg(joint) && sideways(joint)).collect();
+        let of_leg = |joint: &usize| leg.joints.contains(joint) || model.only_follows(*joint);
+        let turning = |side: [f64; 3]| -> Vec<usize> {
+            let turns = |joint: &usize| {
+                // Within 45° of the axis.
+                model.joints[*joint].kind.is_hinge() && dot(side, axis(model, *joint, frames)).abs() > 0.7
+            };
+            leg.path.iter().copied().filter(|joint| of_leg(joint) && turns(joint)).collect()
+        };
+        let (mut side, mut pitch) = (SIDEWAYS, turning(SIDEWAYS));
+        if pitch.is_empty()
+            && let Some(other) = across(model, leg, frames)
+        {
+            (side, pitch) = (other, turning(other));
+        }
         let free: Vec<usize> = pitch.iter().copied().filter(|&joint| !model.only_follows(joint)).collect();
         // One joint alone cannot bring the foot nearer to the hip.
         if pitch.len() < 2 || free.is_empty() {
@@ -194,10 +213,15 @@ impl Chain {
         let joints: Vec<[f64; 3]> = pitch.iter().map(|&joint| anchor(model, joint, frames)).collect();
         let chain: f64 = joints.windows(2).map(|pair| length(pair[0], pair[1])).sum();
         // Hip and knee place the ankle; only a third joint can level the sole.
-        let flat = leg.sole && pitch.len() > 2;
+        let flat = leg.sole && pitch.len() > 2 && side == SIDEWAYS;
         let reach =
             if flat { chain } else { chain + length(joints[joints.len() - 1], foot(model, leg, frames)) };
-        (reach > 0.0 && reach.is_finite()).then_some(Self { pitch, free, reach, flat })
+        (reach > 0.0 && reach.is_finite()).then_some(Self { side, pitch, free, reach, flat })
+    }
+
+    /// A point or a direction in the leg's axes: x in the plane in which it bends, y along `side`, z up.
+    fn in_plane(&self, v: [f64; 3]) -> [f64; 3] {
+        [dot([self.side[1], -self.side[0], 0.0], v), dot(self.side, v), v[2]]
     }
 
     /// The leg's end: the foot, or the ankle where the foot lies flat.
@@ -207,6 +231,17 @@ impl Chain {
             _ => foot(model, leg, frames),
         }
     }
+}
+
+/// The axis of a knee that bends towards the base or away from it, level and of length 1, such that x of the plane points to
+/// the base: knees of such legs point outward, as others point backward.
+fn across(model: &Model, leg: &Leg, frames: &[Frame]) -> Option<[f64; 3]> {
+    let axes = leg.joints.iter().rev().filter(|&&joint| model.joints[joint].kind.is_hinge());
+    let level = |axis: [f64; 3]| unit([axis[0], axis[1], 0.0]).filter(|_| axis[2].abs() < 0.7);
+    let side = axes.map(|&joint| axis(model, joint, frames)).find_map(level)?;
+    let outward = unit([leg.place[0], leg.place[1], 0.0])?;
+    let along = side[1] * outward[0] - side[0] * outward[1];
+    (along.abs() > OUTWARD).then_some(side.map(|part| -along.signum() * part))
 }
 
 /// A joint's axis, world axes.
@@ -236,7 +271,7 @@ fn share_of(model: &Model, leg: &Leg, angles: &[f64]) -> Option<f64> {
     Some((hip[2] - chain.end(model, leg, &frames)[2]) / chain.reach)
 }
 
-/// Bends a leg in the vertical plane. A leg that is bent as the file draws it is bent more, to the same side: so front and
+/// Bends a leg in its vertical plane. A leg that is bent as the file draws it is bent more, to the same side: so front and
 /// hind knees may point to each other. Other knees point backward on four legs and forward on two, where their range lets
 /// them.
 fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64]) {
@@ -268,15 +303,17 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     let cost = |angles: &[f64]| {
         let frames = coupled(angles);
         let (hip, end) = (anchor(hip, &frames), target(&frames));
-        let (forward, down) = ((end[0] - hip[0]) / reach, (hip[2] - end[2]) / reach - share);
+        let (forward, down) = (chain.in_plane(sub(end, hip))[0] / reach, (hip[2] - end[2]) / reach - share);
         let tilt = if flat { level(&frames) } else { 0.0 };
         forward * forward + down * down + tilt * tilt
     };
     let knee_ahead = |angles: &[f64]| {
         let frames = coupled(angles);
-        anchor(pitch[1], &frames)[0] - anchor(hip, &frames)[0]
+        chain.in_plane(sub(anchor(pitch[1], &frames), anchor(hip, &frames)))[0]
     };
-    let drawn = knee_forward(anchor(hip, &rest), anchor(pitch[1], &rest), target(&rest));
+    let [at_hip, knee, end] =
+        [anchor(hip, &rest), anchor(pitch[1], &rest), target(&rest)].map(|point| chain.in_plane(point));
+    let drawn = knee_forward(at_hip, knee, end);
     let forward = drawn.unwrap_or(forward);
     // The knee may bend to either side, so the search starts once on each.
     let mut best: Option<(f64, Vec<f64>)> = None;
@@ -285,7 +322,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         for (place, &joint) in pitch.iter().enumerate().filter(|(_, joint)| chain.free.contains(joint)) {
             // With thigh and shank of equal length the foot stays under the hip if the knee turns back by twice the
             // hip's angle. The ankle takes the rest, so that the sole stays level.
-            let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
+            let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * chain.in_plane(axis(joint))[1].signum();
             bent[joint] = well_within(&model.joints[joint], angles[joint] + turn);
         }
         let reached = descend(model, &chain.free, &mut bent, cost);
@@ -303,7 +340,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     }
 }
 
-/// Whether the knee lies before the line from hip to foot; `None` if the leg is nearly straight. World axes, m.
+/// Whether the knee lies before the line from hip to foot; `None` if the leg is nearly straight. The leg's axes, m.
 fn knee_forward(hip: [f64; 3], knee: [f64; 3], foot: [f64; 3]) -> Option<bool> {
     let (thigh, shank) = (sub(knee, hip), sub(foot, knee));
     let length = (dot(thigh, thigh) * dot(shank, shank)).sqrt();

@@ -11,6 +11,8 @@ pub const GO2_MASS: f64 = 15.2;
 /// A hinge moves a foot sideways if a radian of it moves the foot by this share of the leg's length; a slide, if its axis points
 /// this far to the side.
 const ASIDE: f64 = 0.2;
+/// A foot hangs if it is above the lowest one by more than this share of the leg's length.
+const HANGS: f64 = 0.03;
 
 /// Sizes of a robot. SI units.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +35,8 @@ pub struct Sizes {
     pub never_aside: Option<&'static str>,
     /// A doubt about these sizes, one sentence.
     pub doubt: Option<String>,
+    /// Feet that do not reach the ground in the pose, and how high the highest of them is; `None` if all do.
+    pub hanging: Option<(Vec<String>, f64)>,
 }
 
 /// Whether a joint of a leg moves its foot sideways, along y of the base, in the pose of `frames`.
@@ -71,6 +75,7 @@ impl Sizes {
         let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
         let count = anatomy.legs.len() as f64;
         let (mut leg, mut foot) = (0.0, 0.0);
+        let mut lows = Vec::new();
         // Lengths are means over the legs.
         for one in &anatomy.legs {
             let low = one.geoms.iter().map(|&geom| bottom(geom)).fold(f64::INFINITY, f64::min);
@@ -80,11 +85,21 @@ impl Sizes {
             });
             leg += (hip - low) / count;
             foot += (one.place[2] - low) / count;
+            lows.push((&one.foot, low));
         }
         // Turning rates go with √(g / l) and weights with powers of 1 / l, so the length must not be zero.
         let leg = leg.max(0.02);
         let feet = anatomy.legs.iter().flat_map(|leg| &leg.geoms).map(|&geom| bottom(geom));
         let lowest_foot = feet.fold(f64::INFINITY, f64::min);
+        let above: Vec<(&String, f64)> = lows
+            .into_iter()
+            .map(|(name, low)| (name, low - lowest_foot))
+            .filter(|(_, above)| *above > HANGS * leg)
+            .collect();
+        let hanging = (!above.is_empty()).then(|| {
+            let names: Vec<String> = above.iter().map(|(name, _)| gaitfit_model::shown(name)).collect();
+            (names, above.iter().map(|(_, above)| *above).fold(0.0, f64::max))
+        });
         // A robot that stands on another part than its feet would fall or be counted as fallen at once.
         let under = model
             .pairs
@@ -120,6 +135,7 @@ impl Sizes {
             turning: tidy(0.175 * (gravity / leg).sqrt()),
             never_aside,
             doubt,
+            hanging,
         }
     }
 

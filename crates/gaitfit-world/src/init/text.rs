@@ -85,7 +85,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
 
     joints_and_clock(&mut text, model, anatomy, sizes);
     actuation(&mut text, model, anatomy, gains);
-    default_pose(&mut text, model, anatomy, pose);
+    default_pose(&mut text, model, anatomy, pose, sizes);
     commands(&mut text, anatomy, sizes);
     falls_and_draws(&mut text, model, anatomy, sizes, gains);
     if model.has_slides() {
@@ -164,8 +164,9 @@ fn actuation(text: &mut String, model: &Model, anatomy: &Anatomy, gains: &Gains)
 }
 
 /// Writes the angles of the default pose. Wheels have none.
-fn default_pose(text: &mut String, model: &Model, anatomy: &Anatomy, pose: &Pose) {
-    let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {}", model.units("rad"), pose.how());
+fn default_pose(text: &mut String, model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes) {
+    let how = pose.how(sizes);
+    let _ = writeln!(text, "\n[task.policy.default_pose]       # {}: {how}", model.units("rad"));
     let stated = model.joints.iter().zip(&pose.angles).enumerate();
     for (index, (joint, angle)) in stated.filter(|(index, _)| !model.only_follows(*index)) {
         let angle = if anatomy.wheels.contains(&index) { 0.0 } else { digits(round(*angle), 4) };
