@@ -145,12 +145,11 @@ impl Remedies {
             rule.resolve();
             config.number.push(rule);
         }
-        // Soft ground looks like the model's soft feet, so the search begins with these, not with firm feet.
+        // Logs do not tell a softer ground from firmer feet. The effect that they show stays, the default number goes.
         if self.number.iter().any(|rule| rule.kind == RobotNumber::GroundSoftness) {
-            let usual = Some(RobotNumber::GroundImpedance.defaults().start);
-            let of_feet =
-                |rule: &&mut RobotRule| rule.kind == RobotNumber::GroundImpedance && rule.start == usual;
-            config.number.iter_mut().filter(of_feet).for_each(|rule| rule.start = Some(0.0));
+            let mut usual = RobotRule::new(RobotNumber::GroundImpedance);
+            usual.resolve();
+            config.number.retain(|rule| *rule != usual);
         }
         for (group, _) in &self.split_groups {
             split(config, group, joints);

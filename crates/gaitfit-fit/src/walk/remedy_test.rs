@@ -57,12 +57,10 @@ fn effects_bring_their_parameters_and_no_others() {
     let remedies = Remedies::new(&effects, &before, &base, &joints);
     remedies.extend(&mut config, &joints);
     let after = theta(&config, &joints);
-    let start =
-        |theta: &Theta| theta.entries().iter().find(|one| one.name == "ground_impedance").unwrap().start;
-    assert_eq!(
-        (start(&before), start(&after)),
-        (0.9, 0.0),
-        "on soft ground the search begins with the model's feet"
+    let has_impedance = |theta: &Theta| theta.entries().iter().any(|one| one.name == "ground_impedance");
+    assert!(
+        has_impedance(&before) && !has_impedance(&after),
+        "logs do not tell softer ground from firmer feet"
     );
     let new: Vec<&str> = after
         .entries()
