@@ -117,8 +117,11 @@ fn release(trajectory: &mut Trajectory, model: &Model) -> Option<String> {
     let mut released = Vec::new();
     for (joint, (kp, kd)) in gains.kp.iter_mut().zip(&mut gains.kd).enumerate() {
         if !model.is_driven(joint) && (*kp, *kd) != (0.0, 0.0) {
-            let name = shown(&model.joints[joint].name);
-            released.push(format!("{name} (kp {}, kd {})", shown_number(*kp), shown_number(*kd)));
+            // A joint that only follows another one needs no motor.
+            if !model.only_follows(joint) {
+                let name = shown(&model.joints[joint].name);
+                released.push(format!("{name} (kp {}, kd {})", shown_number(*kp), shown_number(*kd)));
+            }
             (*kp, *kd) = (0.0, 0.0);
         }
     }

@@ -6,7 +6,7 @@
 use super::explain::{Cause, CauseKind, causes, covered, has_joint};
 use super::singles::single_numbers;
 use super::swing::{Estimate, SwingFindings, SwingNumber};
-use crate::settings::AdaptConfig;
+use crate::settings::{AdaptConfig, walk_defaults};
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotNumber, RobotRule, Sharing, Theta};
 use gaitfit_model::patterns::compile;
 use gaitfit_sim::Candidate;
@@ -140,16 +140,16 @@ impl Remedies {
             rule.resolve();
             config.parameter.push(rule);
         }
+        // Logs do not tell a softer ground from firmer feet. The effect that they show stays, the default number goes.
+        let kinds = |rules: &[RobotRule]| rules.iter().map(|rule| rule.kind).collect::<Vec<_>>();
+        let is_default = kinds(&config.number) == kinds(&walk_defaults().number);
+        if is_default && self.number.iter().any(|rule| rule.kind == RobotNumber::GroundSoftness) {
+            config.number.retain(|rule| rule.kind != RobotNumber::GroundImpedance);
+        }
         for rule in &self.number {
             let mut rule = rule.clone();
             rule.resolve();
             config.number.push(rule);
-        }
-        // Logs do not tell a softer ground from firmer feet. The effect that they show stays, the default number goes.
-        if self.number.iter().any(|rule| rule.kind == RobotNumber::GroundSoftness) {
-            let mut usual = RobotRule::new(RobotNumber::GroundImpedance);
-            usual.resolve();
-            config.number.retain(|rule| *rule != usual);
         }
         for (group, _) in &self.split_groups {
             split(config, group, joints);

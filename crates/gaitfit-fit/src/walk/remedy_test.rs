@@ -3,7 +3,6 @@
 
 use super::*;
 use crate::robot::joint_names;
-use crate::settings::walk_defaults;
 use crate::walk::fixtures::report;
 use crate::walk::swing::Standing;
 use gaitfit_swing::{Effect, EffectKind};
@@ -62,6 +61,10 @@ fn effects_bring_their_parameters_and_no_others() {
         has_impedance(&before) && !has_impedance(&after),
         "logs do not tell softer ground from firmer feet"
     );
+    let mut own = defaults().0;
+    own.number.retain(|rule| rule.kind == RobotNumber::GroundImpedance);
+    remedies.extend(&mut own, &joints);
+    assert!(has_impedance(&theta(&own, &joints)), "what a user asks for stays");
     let new: Vec<&str> = after
         .entries()
         .iter()

@@ -8,6 +8,7 @@ use crate::scale::{GAP, typical_step};
 use crate::stats::{median, range, short};
 use crate::{Signal, Trajectory};
 use gaitfit_model::{shown, shown_number};
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 /// The smallest jump, and the smallest motion that a frozen position misses: rad, of slides m.
@@ -28,6 +29,11 @@ const HELD_S: f64 = 0.0499;
 const HELD: usize = 5;
 /// How many steps of the encoder a frozen position must miss.
 const RESOLUTION: f64 = 10.0;
+/// The speed that a frozen position must miss on the mean, as a multiple of the smallest motion a second: noise of the
+/// velocities adds up over a long rest.
+const MISSED_A_SECOND: f64 = 6.0;
+/// Longest usual interval, s. At lower rates a servo finishes a step between two rows.
+const SLOW_S: f64 = 0.03;
 /// Fewer intervals do not show what is usual.
 const ENOUGH: usize = 20;
 
@@ -40,7 +46,7 @@ struct Fault {
 
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
-    let Some(typical) = typical_step(&log.time) else { return };
+    let Some(typical) = typical_step(&log.time).filter(|typical| *typical <= SLOW_S) else { return };
     let held = held_rows(log);
     let zeros = jumps_to_zero(log);
     let (mut jumps, mut freezes, mut spikes) = (Vec::new(), Vec::new(), Vec::new());
@@ -50,7 +56,9 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
         let far = if kind.is_hinge() { FAR } else { FAR_SLIDE };
         // Behind rows that hold the row before, all positions jump.
         let jump = |row: usize| Fault { joint, rows: row..row + 2, size: column.change(row) };
-        jumps.extend(column.jumps(far, |row| held[row] || zeros[row]).into_iter().map(jump));
+        // An angle that wraps jumps by whole turns.
+        let wraps = |row: usize| kind.is_hinge() && column.turns(row);
+        jumps.extend(column.jumps(far, |row| held[row] || zeros[row] || wraps(row)).into_iter().map(jump));
         freezes.extend(column.freezes(far).into_iter().map(|(rows, size)| Fault { joint, rows, size }));
         let spike = |row: usize| Fault { joint, rows: row..row + 1, size: column.dq[row].abs() };
         spikes.extend(column.spikes(kind.like("rad/s", FAST)).into_iter().map(spike));
@@ -90,7 +98,7 @@ struct Column<'a> {
     dq: Vec<f64>,
     /// Whether an interval lies between numbers and is neither a gap nor backward.
     whole: Vec<bool>,
-    /// By how much more than usual the position changes in an interval than by its velocities.
+    /// How much the change of position in an interval exceeds what the velocities explain, less the median.
     off: Vec<f64>,
     /// The first row of those up to this one that repeat one number.
     since: Vec<usize>,
@@ -143,15 +151,25 @@ impl<'a> Column<'a> {
         self.dq[rows].iter().map(|speed| speed.abs()).fold(0.0, f64::max)
     }
 
-    /// Intervals in which the position jumps, but those that `explained` names.
+    /// Whether the position changes by whole turns beyond what the velocities explain.
+    fn turns(&self, row: usize) -> bool {
+        let turns = (self.off[row].abs() / TAU).round();
+        turns > 0.0 && (self.off[row].abs() - turns * TAU).abs() < FAR
+    }
+
+    /// Intervals in which the position jumps, except those that `explained` names.
     fn jumps(&self, far: f64, explained: impl Fn(usize) -> bool) -> Vec<usize> {
         let limit = far.max(beyond_usual(self.judged().map(|row| self.off[row])));
         let jumps = |row: &usize| {
             let row = *row;
+            // Each repeat of a number is looked at once: it ends where the position changes.
+            if self.off[row].abs() <= limit || self.change(row) == 0.0 || explained(row) {
+                return false;
+            }
             // What repeats a number may have missed a motion, which is no jump.
             let since = self.since[row];
             let moves = (self.time[row + 1] - self.time[since]) * self.fastest(since, row + 1);
-            self.off[row].abs() > limit && self.change(row) > UNEXPLAINED * moves && !explained(row)
+            self.change(row) > UNEXPLAINED * moves
         };
         self.judged().filter(jumps).collect()
     }
@@ -165,9 +183,10 @@ impl<'a> Column<'a> {
         let mut start = 0;
         while start < self.q.len() {
             let end = (start + 1..self.q.len()).find(|row| self.since[*row] != start).unwrap_or(self.q.len());
-            if end - start >= HELD && self.time[end - 1] - self.time[start] >= HELD_S {
+            let time = self.time[end - 1] - self.time[start];
+            if end - start >= HELD && time >= HELD_S {
                 let missed = self.missed(start, end - 1, far);
-                if missed > far {
+                if missed > far * (MISSED_A_SECOND * time).max(1.0) {
                     freezes.push((start..end, missed));
                 }
             }
@@ -267,7 +286,7 @@ fn frozen(findings: &mut Findings, spec: &CheckSpec, freezes: &[Fault]) {
     let time = &findings.log.time;
     let (name, unit) = named(findings, spec, worst.joint, "rad");
     let message = format!(
-        "position of {} repeats one number {} time(s) while the joint moves; most, {name} from {} s to {} s, in which it moves \
+        "position of {} repeats one number {} time(s) while the joint moves; the worst is {name} from {} s to {} s: it moves \
          by about {} {unit}. The encoder was not read: cut the log there",
         findings.names(&joints),
         freezes.len(),

@@ -67,6 +67,28 @@ fn positions_that_stand_still_while_the_joint_moves_are_named() {
 }
 
 #[test]
+fn long_rests_with_noisy_velocities_wraps_and_low_rates_are_no_faults() {
+    // Positions of three decimals, and velocities with a deviation of 0.1 rad/s.
+    let mut rests = simulate(2, 60.0, |t, joint| wave(t.min(20.0), joint), 0.0, &[]);
+    for (at, dq) in rests.velocity.iter_mut().enumerate() {
+        *dq += 0.35 * ((at * 7919 % 1009) as f64 / 1009.0 - 0.5);
+    }
+    rests.position.iter_mut().for_each(|q| *q = (*q * 1e3).round() / 1e3);
+    assert_eq!(gross(&rests), None);
+
+    let mut wraps = healthy();
+    let row = fastest(&wraps);
+    wraps.position[2 * row..].iter_mut().step_by(2).for_each(|q| *q -= std::f64::consts::TAU);
+    assert_eq!(gross(&wraps), None);
+
+    let mut slow = healthy();
+    slow.position[2 * row..].iter_mut().step_by(2).for_each(|q| *q += 0.6);
+    assert!(gross(&slow).is_some());
+    slow.time.iter_mut().for_each(|time| *time *= 10.0);
+    assert_eq!(gross(&slow), None, "between rows of 20 Hz a servo finishes a step");
+}
+
+#[test]
 fn a_velocity_of_one_sample_is_named() {
     let mut log = healthy();
     let row = fastest(&log);
