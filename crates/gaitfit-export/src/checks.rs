@@ -11,8 +11,8 @@ use std::path::Path;
 /// Largest gain, N·m/rad or N·m·s/rad.
 const MAX_GAIN: f64 = 1e6;
 
-/// Refuses intervals that are none, bases without mass, and units that are not those of the numbers: the values would be
-/// taken for something else.
+/// Refuses invalid intervals, bases without mass, and units that differ from the parameter's unit: other programs would
+/// misread the values.
 pub(super) fn parameters(file: &ThetaFile, path: &Path, model: &Model) -> Result<(), Error> {
     let refuse = |parameter: &SavedParameter, what: String| {
         Err(Error::failed(format!("{}: `{}` {what}", path.display(), shown(&parameter.name))))

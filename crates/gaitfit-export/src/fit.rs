@@ -52,7 +52,7 @@ impl Fit {
         // A source that cannot be read is no error here: files of a fit move, and the next source is as good.
         let (mut stated, place) =
             walked.or_else(|| self.of_log(model)).or_else(|| self.of_config(model)).or_else(policy)?;
-        stated.notes.insert(0, format!("the PD gains are those of {place}; --kp and --kd give others"));
+        stated.notes.insert(0, format!("the PD gains come from {place}; --kp and --kd give others"));
         Some(stated)
     }
 

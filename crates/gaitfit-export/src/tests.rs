@@ -391,19 +391,19 @@ fn gains_are_those_of_the_fit_beside_the_parameters_unless_others_are_named() {
     let walks =
         format!("base = \"free\"\npolicy = {:?}\nlogs = [\"gone.csv\"]\n", walk.display().to_string());
     config(&walks);
-    assert!(noted(&settings, "those of the policy"));
+    assert!(noted(&settings, "come from the policy"));
     config("logs = [\"gone.csv\"]\n[gains]\nkp = 30.0\nkd = 0.7\n");
-    assert!(noted(&settings, "those of [gains]"));
+    assert!(noted(&settings, "come from [gains]"));
     let robot = content(&export_theta(&settings).unwrap(), "robot.xml").to_owned();
     assert!(robot.contains("30"), "{robot}");
     let header = "# kp = 22.0\n# kd = 0.6\ntime,q_FL_hip,dq_FL_hip,qdes_FL_hip\n";
     std::fs::write(folder.path().join("gone.csv"), format!("{header}0,0,0,0\n0.02,0.1,0,0\n0.04,0,0,0\n"))
         .unwrap();
-    assert!(noted(&settings, "those of the log"), "a log's gains are those that acted");
+    assert!(noted(&settings, "come from the log"), "a log's gains are those that acted");
     config(&walks);
-    assert!(noted(&settings, "those of the policy"), "a fit of walks simulates the policy's");
+    assert!(noted(&settings, "come from the policy"), "a fit of walks simulates the policy's");
     (settings.kp, settings.kd) = (Some(PerJoint::All(1.0)), Some(PerJoint::All(0.1)));
-    assert!(!noted(&settings, "those of"));
+    assert!(!noted(&settings, "gains come from"));
 }
 
 #[test]

@@ -240,7 +240,7 @@ fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
     out
 }
 
-/// Gains by the mapping or the files; `assumed` gains that those of the mapping replace others.
+/// The gains that the mapping or else the files state. If the mapping replaces other gains, a sentence in `assumed` says so.
 fn gains(
     joints: &[String],
     sources: &[Source],

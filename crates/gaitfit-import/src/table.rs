@@ -76,15 +76,15 @@ pub(crate) struct Source {
     pub assumed: Vec<String>,
     /// What was left out, with the reason.
     pub left_out: Vec<String>,
-    /// Which names of `streams.take` are something of this file.
+    /// Names of `streams.take` that match a stream of this file.
     pub taken: Vec<String>,
     /// What `streams.take` leaves out has been left out.
     pub chosen: bool,
-    /// Which names and templates of `[columns]` are columns of this file.
+    /// Names and templates of `[columns]` that match a column of this file.
     pub fitted: Vec<String>,
     /// Names of columns as the file has them, some of them.
     pub columns: Vec<String>,
-    /// Which names of `[joint_names]` are joints of this file.
+    /// Names of `[joint_names]` that match a joint of this file.
     pub renamed: Vec<String>,
     /// Whether the file numbers joints.
     pub numbered: bool,

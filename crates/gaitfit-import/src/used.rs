@@ -1,4 +1,4 @@
-//! Which parts of a mapping are something of the recording, and messages about those that are not.
+//! Finds parts of a mapping that match nothing in the recording, and writes messages about them.
 
 use crate::ImportError;
 use crate::arrays::named;

@@ -53,7 +53,7 @@ pub enum CmaError {
         upper: f64,
     },
     /// The caller reported another number of costs than there are candidates.
-    #[error("{got} costs were told for {expected} candidates")]
+    #[error("got {got} costs for {expected} candidates")]
     CostCount {
         /// Number of reported costs.
         got: usize,

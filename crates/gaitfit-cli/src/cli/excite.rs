@@ -49,7 +49,7 @@ pub struct Excite {
     /// Joints to move, names or patterns, separated by commas [default: all]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', conflicts_with = "policy")]
     pub joints: Vec<String>,
-    /// Which joints move at the same time; each such group of joints has a turn
+    /// Which joints move at the same time; the groups move one after the other
     #[arg(long, value_enum, default_value_t = Turns::All, conflicts_with = "policy")]
     pub turns: Turns,
     /// Length of a turn, s [default: 20]; with --policy: length of a command sequence, s [default: 4]

@@ -173,7 +173,7 @@ pub struct Run {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// Also play commands that are larger than those of the policy's training
+    /// Also play commands beyond the range of the policy's training
     #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"], hide = true)]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.

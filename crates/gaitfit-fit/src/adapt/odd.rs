@@ -197,8 +197,8 @@ impl OddJoints {
                 false => "their errors are not known, so none counts".to_owned(),
             };
             return vec![format!(
-                "no joint differs from its siblings: springs fitted on every joint differ by at most {max:.2} N·m/rad from \
-                 those of the same joint of other legs, and {counts}"
+                "no joint differs from its siblings: springs were fitted on every joint. Between the same joints of \
+                 different legs they differ by at most {max:.2} N·m/rad; {counts}"
             )];
         }
         let alone = if self.odd.len() == 1 { "no other joint has" } else { "its siblings do not have" };

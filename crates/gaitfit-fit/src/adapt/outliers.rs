@@ -4,8 +4,8 @@ use gaitfit_model::JointKind;
 use gaitfit_view::{Doubt, DoubtKind};
 
 /// Error of a joint over the median of the others, and in rad, from which on it stands out. On logs of a real Go2 the worst
-/// joint has three times the median. Errors of slides count as those of the hinges that they correspond to
-/// ([`JointKind::like`]).
+/// joint has three times the median. An error of a slide counts as the
+/// hinge error that [`JointKind::like`] gives for it.
 const TIMES: f64 = 8.0;
 const MIN_RAD: f64 = 0.02;
 /// The sentence of the doubt about each such joint.

@@ -66,10 +66,10 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let of_all = |fault: &Fault| fault.rows.clone().skip(1).all(|row| held[row]);
     let (together, alone): (Vec<Fault>, Vec<Fault>) = freezes.into_iter().partition(of_all);
     jumped(findings, spec, &jumps);
-    frozen(findings, spec, &alone);
+    frozen(findings, spec, &alone, false);
     // Where many rows repeat the row before, this is reported already.
     if !findings.list.iter().any(|finding| finding.kind == FindingKind::RepeatedRows) {
-        held_over(findings, spec, &together);
+        frozen(findings, spec, &together, true);
     }
     spiked(findings, spec, &spikes);
 }
@@ -281,34 +281,25 @@ fn jumped(findings: &mut Findings, spec: &CheckSpec, jumps: &[Fault]) {
     findings.add(FindingKind::PositionJump, Severity::Warning, &joints, Some(worst.rows.clone()), message);
 }
 
-fn frozen(findings: &mut Findings, spec: &CheckSpec, freezes: &[Fault]) {
+/// Positions that repeat one number while the joints move. `together`: of all joints at the same time.
+fn frozen(findings: &mut Findings, spec: &CheckSpec, freezes: &[Fault], together: bool) {
     let Some((joints, worst)) = largest(findings, spec, freezes) else { return };
     let time = &findings.log.time;
     let (name, unit) = named(findings, spec, worst.joint, "rad");
-    let message = format!(
-        "position of {} repeats one number {} time(s) while the joint moves; the worst is {name} from {} s to {} s: it moves \
-         by about {} {unit}. The encoder was not read: cut the log there",
-        findings.names(&joints),
-        freezes.len(),
-        shown_number(time[worst.rows.start]),
-        shown_number(time[worst.rows.end - 1]),
-        short(worst.size)
-    );
-    findings.add(FindingKind::FrozenPosition, Severity::Warning, &joints, Some(worst.rows.clone()), message);
-}
-
-/// Freezes of all joints together.
-fn held_over(findings: &mut Findings, spec: &CheckSpec, freezes: &[Fault]) {
-    let Some((joints, worst)) = largest(findings, spec, freezes) else { return };
-    let time = &findings.log.time;
-    let (name, unit) = named(findings, spec, worst.joint, "rad");
-    let message = format!(
-        "the positions of all joints stand still from {} s to {} s, while {name} moves by about {} {unit}: rows were lost, and \
-         the recorder repeated the last one. Cut the log there",
-        shown_number(time[worst.rows.start]),
-        shown_number(time[worst.rows.end - 1]),
-        short(worst.size)
-    );
+    let (from, to) = (shown_number(time[worst.rows.start]), shown_number(time[worst.rows.end - 1]));
+    let size = short(worst.size);
+    let message = match together {
+        false => format!(
+            "position of {} repeats one number {} time(s) while the joint moves; the worst is {name} from {from} s to {to} s: \
+             it moves by about {size} {unit}. The encoder was not read: cut the log there",
+            findings.names(&joints),
+            freezes.len()
+        ),
+        true => format!(
+            "the positions of all joints stand still from {from} s to {to} s, while {name} moves by about {size} {unit}: rows \
+             were lost, and the recorder repeated the last one. Cut the log there"
+        ),
+    };
     findings.add(FindingKind::FrozenPosition, Severity::Warning, &joints, Some(worst.rows.clone()), message);
 }
 

@@ -1,8 +1,8 @@
 //! Indirect inference (Gourieroux, Monfort and Renault 1993): simulated logs show how far off a fit is.
 //!
 //! Short predictions start from sensor readings. If motors also give torques that were not commanded (noise), the next
-//! reading differs from the prediction, and the errors of readings correlate with those of the predictions that start
-//! from them: the estimate of dry friction is too low. A physics step that is longer than the robot's causes a further
+//! reading differs from the prediction. A prediction starts from a reading, so their errors correlate, and the estimate of
+//! dry friction is too low. A physics step that is longer than the robot's causes a further
 //! error. Logs of a simulated robot with known values have the same two errors. So logs are simulated as the robot
 //! would have made them, and compared in the same way.
 //!

@@ -93,7 +93,7 @@ impl From<FitError> for Failure {
 }
 
 /// Makes a set of logs for each of `numbers` and compares them as `question` asks: what [`World::ask`] does by default.
-/// Of `problem` the simulator and the cost are not looked at.
+/// This function does not use the simulator and the cost of `problem`.
 ///
 /// # Errors
 /// Logs that cannot be made or compared.
